@@ -38,10 +38,13 @@ pub struct MeshMover {
     dt: f64,
     /// The last response, until it is accepted.
     trial: Positions,
-    /// Whether the grid may turn with the canopy, and how far it does at the end of the last accepted window and of the one in work, which keeps
-    /// it for all its solves.
+    /// Whether the grid may turn with the canopy.
     turns: bool,
+    /// How far it turns with the accepted canopy.
     turned: RigidMotion,
+    /// The accepted positions in the frame that turns with the accepted canopy.
+    turned_now: Positions,
+    /// The window that is computed, its length, and how far the grid turns in all its solves.
     turning: Option<(u64, f64, RigidMotion)>,
     answered: Option<(Window, MotionResult)>,
     /// Whether the start grid differs from the scene's.
@@ -199,6 +202,7 @@ impl MeshMover {
         Ok(Self {
             turns,
             turned,
+            turned_now: Positions { grid: Vec::new(), canopy: Vec::new() },
             turning: None,
             motion,
             unstressed,
@@ -237,40 +241,45 @@ impl MeshMover {
     fn follow(&mut self, w: &Window) -> Result<MotionResult, MotionError> {
         let turn = match self.turning {
             Some((index, dt, turn)) if (index, dt) == (w.index, w.dt) => turn,
-            _ if self.turns => RigidMotion::of(&self.motion.start().canopy, &self.trial.canopy),
-            _ => RigidMotion::REST,
+            _ => self.turn_of(&self.trial.canopy),
         };
         self.turning = Some((w.index, w.dt, turn));
         if turn.is_rest() && self.turned.is_rest() {
             return self.motion.follow(&self.now, &mut self.trial);
         }
-        let mut from = self.now.clone();
-        for x in [&mut from.grid, &mut from.canopy] {
+        let Positions { grid, canopy } = &mut self.turned_now;
+        grid.clone_from(&self.now.grid);
+        canopy.clone_from(&self.now.canopy);
+        for x in [grid, canopy] {
             self.turned.to_turned_frame(x);
         }
-        let canopy = self.trial.canopy.clone();
         turn.to_turned_frame(&mut self.trial.canopy);
-        let moved = self.motion.follow(&from, &mut self.trial);
+        let moved = self.motion.follow(&self.turned_now, &mut self.trial);
         turn.to_places(&mut self.trial.grid);
-        self.trial.canopy = canopy;
-        // The canopy's nodes are exact bitwise.
-        let (grid, canopy) = (self.trial.grid.as_chunks_mut::<3>().0, self.trial.canopy.as_chunks::<3>().0);
-        for &(local, k) in &self.motion.grid.canopy {
-            grid[local as usize] = canopy[k as usize];
-        }
         moved
     }
 
-    /// Ends the window in the frame that turns with the canopy.
+    /// Ends the window in the frame that turned with the canopy. The next one starts in that of the accepted canopy, as a resumed run does.
     fn accept_motion(&mut self, moved: &MotionResult) -> Option<Result<NewGrid, String>> {
-        if self.turned.is_rest() {
-            return self.motion.accept(&self.now, &moved.shape);
-        }
-        let mut now = self.now.clone();
-        for x in [&mut now.grid, &mut now.canopy] {
-            self.turned.to_turned_frame(x);
-        }
-        self.motion.accept(&now, &moved.shape)
+        let turn = self.turning.take().map_or(RigidMotion::REST, |(_, _, turn)| turn);
+        let new_grid = if turn.is_rest() {
+            self.motion.accept(&self.now, &moved.shape)
+        } else {
+            let Positions { grid, canopy } = &mut self.turned_now;
+            grid.clone_from(&self.now.grid);
+            canopy.clone_from(&self.now.canopy);
+            for x in [grid, canopy] {
+                turn.to_turned_frame(x);
+            }
+            self.motion.accept(&self.turned_now, &moved.shape)
+        };
+        self.turned = self.turn_of(&self.now.canopy);
+        new_grid
+    }
+
+    /// How far the grid turns with a canopy.
+    fn turn_of(&self, canopy: &[f64]) -> RigidMotion {
+        if self.turns { RigidMotion::of(&self.motion.start().canopy, canopy) } else { RigidMotion::REST }
     }
 
     /// Where a point that the motion names is.
@@ -415,7 +424,16 @@ impl Participant for MeshMover {
         }
         self.read_canopy(input.canopy)?;
         self.bodies.positions(w.time + w.dt, &mut self.trial.canopy)?;
-        let moved = match self.follow(w) {
+        let moved = self.follow(w);
+        // The canopy's nodes are exact bitwise, also in a grid that turned there and back.
+        if self.turning.is_some_and(|(_, _, turn)| !turn.is_rest()) {
+            self.read_canopy(input.canopy)?;
+            let grid = self.trial.grid.as_chunks_mut::<3>().0;
+            for &(local, k) in &self.motion.grid.canopy {
+                grid[local as usize] = self.trial.canopy.as_chunks::<3>().0[k as usize];
+            }
+        }
+        let moved = match moved {
             Ok(moved) => moved,
             Err(error) => {
                 let fault = self.explain(&error, w);
@@ -475,7 +493,6 @@ impl Participant for MeshMover {
         std::mem::swap(before, &mut self.now);
         std::mem::swap(&mut self.now, &mut self.trial);
         self.dt = w.dt;
-        self.turned = self.turning.take().map_or(RigidMotion::REST, |(_, _, turn)| turn);
         let new_grid = self.accept_motion(&moved);
         self.new_start |= self.motion.new_grids() > 0;
         if let Some(new_grid) = new_grid.filter(|_| self.motion.grid.comm().is_root()) {
