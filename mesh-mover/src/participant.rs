@@ -380,6 +380,34 @@ impl MeshMover {
         ))
     }
 
+    /// Positions and velocities of the owned nodes at the end of a window of `dt` s.
+    fn write_rows(&self, dt: f64, output: &mut [f64]) {
+        let earlier = self.before.as_ref().zip(weights(dt / self.dt));
+        let n = self.motion.grid.nodes.n_owned;
+        assert_eq!(output.len(), WIDTH * n, "one row for each owned node");
+        let rows = output.as_chunks_mut::<WIDTH>().0.iter_mut();
+        let rows = rows.zip(self.trial.grid.as_chunks::<3>().0).zip(self.now.grid.as_chunks::<3>().0);
+        let scale = 1.0 / dt;
+        match earlier {
+            Some((before, weights)) => {
+                for (((row, x), x1), x2) in rows.zip(before.grid.as_chunks::<3>().0) {
+                    for i in 0..3 {
+                        row[i] = x[i];
+                        row[3 + i] = second_order(weights, x[i], x1[i], x2[i], scale);
+                    }
+                }
+            }
+            None => {
+                for ((row, x), x1) in rows {
+                    for i in 0..3 {
+                        row[i] = x[i];
+                        row[3 + i] = first_order(x[i], x1[i], scale);
+                    }
+                }
+            }
+        }
+    }
+
     /// A field on all nodes of the grid in global order, on every rank. Collective.
     fn gather(&self, field: &[f64]) -> Vec<f64> {
         let nodes = &self.motion.grid.nodes;
@@ -445,30 +473,7 @@ impl Participant for MeshMover {
                 return Ok(stats);
             }
         };
-        let earlier = self.before.as_ref().zip(weights(w.dt / self.dt));
-        let n = self.motion.grid.nodes.n_owned;
-        assert_eq!(output.len(), WIDTH * n, "one row for each owned node");
-        let rows = output.as_chunks_mut::<WIDTH>().0.iter_mut();
-        let rows = rows.zip(self.trial.grid.as_chunks::<3>().0).zip(self.now.grid.as_chunks::<3>().0);
-        let scale = 1.0 / w.dt;
-        match earlier {
-            Some((before, weights)) => {
-                for (((row, x), x1), x2) in rows.zip(before.grid.as_chunks::<3>().0) {
-                    for i in 0..3 {
-                        row[i] = x[i];
-                        row[3 + i] = second_order(weights, x[i], x1[i], x2[i], scale);
-                    }
-                }
-            }
-            None => {
-                for ((row, x), x1) in rows {
-                    for i in 0..3 {
-                        row[i] = x[i];
-                        row[3 + i] = first_order(x[i], x1[i], scale);
-                    }
-                }
-            }
-        }
+        self.write_rows(w.dt, output);
         self.answered = Some((*w, moved));
         let mut stats = Stats::default();
         let v = &mut stats.values;
