@@ -1,7 +1,7 @@
 //! The rigid part of the canopy's motion, which the whole grid follows.
 //!
 //! Linear elasticity is not invariant under rotation: a canopy that swings by 35 degrees about its payload flattens the cells around it (scaled
-//! Jacobian 0.02 instead of 0.4), although its shape has hardly changed. So the grid turns and shifts with the canopy, its outer boundary
+//! Jacobian 0.02 instead of 0.4), although its shape changes little. So the grid turns and shifts with the canopy, its outer boundary
 //! included, and the pseudo-solid follows the rest of the motion, in the frame that turns with the canopy.
 //!
 //! The rotation is that of least squares between two shapes (Kabsch, Acta Cryst. A32, 1976). Up to [`STILL`] the frame does not turn, beyond it by

@@ -14,6 +14,13 @@ fn settings(far: Vector3<f64>, upwind_share: f64, viscosity: f64) -> Settings {
     Settings { density: 1.2, far, momentum: Momentum { upwind_share, viscosity }, tolerance: 1e-10 }
 }
 
+/// Force of the air on a surface of `nodes` nodes, N.
+fn force(cut: &CutFaces, faces: &[[u32; 3]], jumps: &[f64], nodes: usize) -> Vector3<f64> {
+    let mut forces = vec![Vector3::zeros(); nodes];
+    cut.add_forces(faces, jumps, &mut forces);
+    forces.iter().sum()
+}
+
 /// Uniform pseudo-random numbers between -1 and 1 (xorshift).
 struct Noise(u64);
 
@@ -78,7 +85,9 @@ fn vortex_converges_with_second_order_also_on_a_moving_grid() {
             let errors = [16, 32, 64].map(|n| vortex(n, share, frame));
             let orders = [errors[0] / errors[1], errors[1] / errors[2]].map(f64::log2);
             println!("share {share}, frame {frame:?}: {errors:?}, orders {orders:?}");
-            assert!((1.85..3.5).contains(&orders[1]), "{share} {frame:?}: {orders:?}");
+            // Central differences are of second order, the dissipation of upwind ones is of third.
+            let expected = if share == 0.0 { 1.9..2.1 } else { 2.9..3.5 };
+            assert!(expected.contains(&orders[1]), "{share} {frame:?}: {orders:?}");
         }
     }
 }
@@ -135,9 +144,7 @@ fn momentum_is_conserved_and_cloth_does_not_leak() {
         flow.predict(dt, Vector3::zeros());
         let jumps = flow.solve_constraints(&cut.rows);
         flow.accept(&cut.rows, &jumps);
-        let mut forces = vec![Vector3::zeros(); nodes.len()];
-        cut.add_forces(&faces, &jumps.jump, &mut forces);
-        let total: Vector3<f64> = forces.iter().sum();
+        let total = force(&cut, &faces, &jumps.jump, nodes.len());
         for c in 0..2 {
             let error = momentum(&flow, c) - before[c] + dt * total[c];
             assert!(error.abs() < 1e-12 && total[c].abs() > 1e-3, "{k} {c}: {error:e}, force {total:?}");
@@ -166,17 +173,16 @@ fn added_mass_of_a_sphere_converges() {
         cut.set_velocities(&faces, &vec![direction; nodes.len()]);
         flow.predict(1e-3, Vector3::zeros());
         let jumps = flow.solve_constraints(&cut.rows);
-        let mut forces = vec![Vector3::zeros(); nodes.len()];
-        cut.add_forces(&faces, &jumps.jump, &mut forces);
-        let total: Vector3<f64> = forces.iter().sum();
+        let total = force(&cut, &faces, &jumps.jump, nodes.len());
         -total.dot(&direction) * 1e-3 / (1.2 * std::f64::consts::PI / 6.0)
     };
     let errors = [10.0, 20.0, 40.0].map(|n| mass(n) / 1.5 - 1.0);
     println!("added mass and air inside: errors {errors:?}");
-    assert!(errors[2].abs() < 0.02 && errors[0].abs() < 0.1, "{errors:?}");
+    let bounds = [0.04, 0.01, 0.01];
+    assert!(errors.iter().zip(bounds).all(|(e, bound)| e.abs() < bound), "{errors:?}");
 }
 
-/// Rim of a square plate by its added mass (DNV-RP-H103: 0.579 pi/4 of the cube of its side), in cells outside its edge: a third of a cell at any angle to
+/// Rim of a square plate by its added mass (DNV-RP-C205, table D-2: 0.579 pi/4 of the cube of its side), in cells outside its edge: a third of a cell at any angle to
 /// the grid. The columns that it cuts have its area to half a cell at the rim, so the force across is that share of it.
 #[test]
 fn plate_has_its_added_mass_at_any_angle() {
@@ -196,9 +202,7 @@ fn plate_has_its_added_mass_at_any_angle() {
         cut.set_velocities(&faces, &vec![normal; nodes.len()]);
         flow.predict(1e-3, Vector3::zeros());
         let jumps = flow.solve_constraints(&cut.rows);
-        let mut forces = vec![Vector3::zeros(); nodes.len()];
-        cut.add_forces(&faces, &jumps.jump, &mut forces);
-        let total: Vector3<f64> = forces.iter().sum();
+        let total = force(&cut, &faces, &jumps.jump, nodes.len());
         let mass = -total.dot(&normal) * 1e-3 / 1.2;
         let across = (total + normal * (mass * 1.2e3)).norm() / total.norm();
         let rim = 0.5 * cells * ((mass / (0.579 * std::f64::consts::FRAC_PI_4)).cbrt() - 1.0);
