@@ -78,8 +78,6 @@ pub(crate) struct ProgramSession {
     pub stage: String,
     /// Recording of the stage.
     pub file: PathBuf,
-    /// Whether the grid moves in the stage.
-    pub moving: bool,
     /// Folder of logs and results.
     pub out: PathBuf,
     pub prepared: Prepared,
@@ -108,7 +106,7 @@ impl ProgramSession {
         let file = stage_file(folder, &stage);
         let reader = Reader::open(&file)?;
         let with_grid = reader.header().grid_nodes > 0;
-        let moving = prepared.scene.stages[number].kind.roles().contains(&Role::Mesh);
+        let moving = prepared.scene.roles(&prepared.scene.stages[number]).contains(&Role::Mesh);
         if role == Role::Flow && moving && !with_grid {
             return Err(RunError::Input(format!(
                 "{} was recorded with --record-without-grid, but the flow reads the moving grid: record the run without that option",
@@ -141,7 +139,6 @@ impl ProgramSession {
             role,
             stage,
             file,
-            moving,
             out,
             prepared,
             roles,
@@ -294,7 +291,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
     let reader = Reader::open(&session.file)?;
     let canopy = &session.prepared.interface;
     session.run(stop, console, |partners| {
-        send_requests(partners, role, session.moving, reader, canopy, &mut comparison)
+        send_requests(partners, role, reader, canopy, &mut comparison)
     })?;
     if args.out.is_some() {
         crate::diff_command::write(&session.out, &session.stage, &comparison)?;
@@ -307,7 +304,6 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
 fn send_requests(
     partners: &mut HubPartners<'_>,
     role: Role,
-    moving: bool,
     mut reader: Reader,
     canopy: &CanopyInterface,
     comparison: &mut Comparison,
@@ -335,7 +331,7 @@ fn send_requests(
                 }
                 open = true;
             }
-            (Event::Mesh { displacement, .. }, Role::Flow) if moving => {
+            (Event::Mesh { displacement, .. }, Role::Flow) => {
                 partners.mesh(&w, displacement)?;
             }
             (Event::Flow { load, stats, .. }, Role::Flow) => {

@@ -85,6 +85,9 @@ fn built(
             scene.stages.len()
         )));
     }
+    if scene.flow.as_ref().is_some_and(case::Flow::is_immersed) {
+        return Ok(Box::new(flow_solver::immersed::participant(&scene, stage, out, resume, comm)?));
+    }
     let setup = Setup::new(scene, stage, out)?;
     let setup = match resume {
         Some(folder) => setup.resume(folder),

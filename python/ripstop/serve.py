@@ -327,7 +327,7 @@ class RankServer:
             problem = f"input of {len(command.payload)} numbers in unit {command.header.unit}, expected {expected} in {unit}"
         if problem:
             self.broken(problem)
-        shape = {"structure": (-1, 2, 4), "mesh": (-1, 3), "flow": (0,)}[self.role]
+        shape = {"structure": (-1, 2, 4), "mesh": (-1, 3), "flow": (-1, 3)}[self.role]
         grid = self.moved_grid(w)
         loan = (self.grid_out or self.answers).loan(len(self.output_rows) * WIDTH[self.unit])
         start = time.monotonic()

@@ -1,9 +1,9 @@
 """Numbers and names of the contract. Written from the code of crates/channel:
 RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc. Not to be edited."""
 
-VERSION = 3
+VERSION = 4
 MAGIC = 0x00504F5453504952
-HEADER_TYPE = "ripstop.Header.v3"
+HEADER_TYPE = "ripstop.Header.v4"
 HEADER_BYTES = 416
 STATS = 32
 COUPLER = 0
@@ -59,7 +59,7 @@ WIDTHS = {
 }
 INPUTS = {
     "structure": "LOAD_PAIR",
-    "flow": "NONE",
+    "flow": "DISPLACEMENT",
     "mesh": "DISPLACEMENT",
 }
 OUTPUTS = {

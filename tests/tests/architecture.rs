@@ -50,7 +50,7 @@ const LAYERS: [(&str, &[&str]); 12] = [
     ("immersed", &[]),
     ("timing", &[]),
     ("channel", &["archive", "case", "timing"]),
-    ("checks", &["case", "channel", "coupling", "effects", "mesh", "results", "terminal"]),
+    ("checks", &["case", "channel", "coupling", "effects", "immersed", "mesh", "results", "terminal"]),
     ("coupling", &["archive", "case", "channel", "mesh", "timing"]),
     ("terminal", &["case"]),
     ("results", &["archive", "case", "channel", "coupling", "terminal", "timing"]),

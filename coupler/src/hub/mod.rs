@@ -60,6 +60,10 @@ pub struct HubPartners<'a> {
     panels: Vec<u32>,
     /// `[grid nodes][6]`: position, m, and velocity, m/s; empty unless `watch_grid`.
     grid: Vec<f64>,
+    /// Displacement of the canopy for a flow that moves it through its grid, `[nodes][3]`, m.
+    displacement: Vec<f64>,
+    /// Whether a mesh-mover runs.
+    has_mesh: bool,
     /// Time limit for programs to end.
     end_wait: Duration,
     /// Transfer to the surface of a structure that does not use the canopy mesh.
@@ -80,6 +84,7 @@ impl<'a> HubPartners<'a> {
         let place = Location { stage: options.stage.0.to_owned(), window: None };
         let hub = Hub::create(hub_options(&options, interface))
             .map_err(|e| RunError::Channel { place: place.clone(), message: e.to_string() })?;
+        let has_mesh = options.programs.iter().any(|(program, _)| program.role == Role::Mesh);
         let programs = options.programs.into_iter().map(|(program, _)| program);
         let (attached, started): (Vec<Program>, Vec<Program>) =
             programs.partition(|program| options.attached.contains(&program.role));
@@ -95,6 +100,8 @@ impl<'a> HubPartners<'a> {
             place,
             panels: interface.panels.clone(),
             grid: Vec::new(),
+            displacement: vec![0.0; 3 * interface.nodes()],
+            has_mesh,
             end_wait: options.deadline.map_or(END_WAIT, |d| d.min(END_WAIT)),
             own: None,
         };

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use case::Role;
-use channel::{HubError, LOAD_WIDTH, Window, flow_stats, mesh_stats, structure_stats};
+use channel::{HubError, LOAD_WIDTH, Stats, Window, flow_stats, mesh_stats, structure_stats};
 use coupling::error::RunError;
 use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
 use coupling::structure_energy::EnergyCreated;
@@ -19,6 +19,15 @@ pub(super) fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64])
     for (row, values) in rows.iter().zip(data.chunks_exact(width)) {
         all[*row as usize * width..][..width].copy_from_slice(values);
     }
+}
+
+/// Response in the place of a mesh-mover where the canopy moves through the grid: its cells do not change.
+fn resting_grid() -> SolverResponse {
+    let mut stats = Stats::default();
+    stats.values[mesh_stats::MIN_QUALITY] = 1.0;
+    stats.values[mesh_stats::MIN_VOLUME_RATIO] = 1.0;
+    stats.values[mesh_stats::WORST_CELL] = -1.0;
+    SolverResponse { stats, wall_s: 0.0 }
 }
 
 impl Partners for HubPartners<'_> {
@@ -45,6 +54,10 @@ impl Partners for HubPartners<'_> {
     }
 
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError> {
+        if !self.has_mesh {
+            self.displacement.copy_from_slice(displacement);
+            return Ok(resting_grid());
+        }
         let _part = timing::part("mesh");
         let mut fill = |input: &mut [f64]| input.copy_from_slice(displacement);
         let mut grid = std::mem::take(&mut self.grid);
@@ -66,7 +79,12 @@ impl Partners for HubPartners<'_> {
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError> {
         let _part = timing::part("flow");
         let mut keep = |rows: &[u64], data: &[f64]| scatter(rows, data, LOAD_WIDTH, load);
-        let response = self.advance(Role::Flow, w, &mut |_| {}, &mut keep)?;
+        let displacement = std::mem::take(&mut self.displacement);
+        // Without the effect `canopy.motion` the flow has no input.
+        let mut fill = |input: &mut [f64]| input.copy_from_slice(&displacement[..input.len()]);
+        let response = self.advance(Role::Flow, w, &mut fill, &mut keep);
+        self.displacement = displacement;
+        let response = response?;
         let values = &response.stats.values;
         let what = match values[flow_stats::NO_ANSWER] {
             0.0 => return Ok(response),

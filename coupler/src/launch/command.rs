@@ -85,7 +85,7 @@ impl LaunchPlan<'_> {
                 "`mpirun` is not on the PATH: install OpenMPI (`apt install openmpi-bin`)".into(),
             ));
         }
-        let roles = self.scene.stages[self.stage].kind.roles();
+        let roles = self.scene.roles(&self.scene.stages[self.stage]);
         roles.iter().map(|&role| self.program(role)).collect()
     }
 

@@ -134,7 +134,7 @@ impl<'a> Run<'a> {
         {
             self.console.warning(&verdict.warning(&summary.name));
         }
-        let (name, roles) = (&description.name, description.kind.roles());
+        let (name, roles) = (&description.name, self.prepared.scene.roles(description));
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
         self.summary.stages.push(summary);
         ended

@@ -119,8 +119,11 @@ fn launch<'a>(
     let names: Vec<String> = programs.iter().map(|(p, n)| format!("{} x {n}", p.name)).collect();
     context.console.line(&format!("stage `{}`: {}", stage.name, names.join(", ")));
     let recorded = options.record.as_ref().is_some_and(|r| !r.without_grid);
-    let moving = stage.kind.roles().contains(&Role::Mesh);
+    let moving = scene.roles(stage).contains(&Role::Mesh);
     let mut effects = required_effects(scene);
+    if stage.kind.roles().contains(&Role::Mesh) && !moving {
+        effects.push((Role::Flow, channel::CANOPY_MOTION.to_owned()));
+    }
     if context.resumed.is_some() {
         effects.extend(Role::ALL.map(|role| (role, channel::RESUME.to_owned())));
     }

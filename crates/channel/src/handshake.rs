@@ -10,7 +10,7 @@ use crate::hub::{Hub, OnWait};
 use crate::hub_options::{Arrivals, HubOptions, Interface, RoleOptions};
 use crate::session::LockMonitor;
 use crate::wire::{Hello, Welcome, decode_rows, to_json};
-use crate::{Abort, CONTRACT_VERSION, HubError, OWN_SURFACE, RankId, Window};
+use crate::{Abort, Announcement, CANOPY_MOTION, CONTRACT_VERSION, HubError, OWN_SURFACE, RankId, Window};
 
 /// Rows by which a total may exceed the received layouts.
 const ROW_MARGIN: u64 = 1 << 20;
@@ -129,6 +129,10 @@ impl Hub {
             let reported = program.ranks[0].hello.as_ref().map(|h| &h.announcement);
             let rows = match unit {
                 Unit::LoadPair => reported.map_or(0, |a| a.canopy_faces),
+                Unit::Displacement if program.role == Role::Flow => {
+                    let moves = |a: &&Announcement| a.effects.iter().any(|e| e == CANOPY_MOTION);
+                    reported.filter(moves).map_or(0, |a| a.canopy_nodes)
+                }
                 Unit::Displacement => reported.map_or(0, |a| a.canopy_nodes),
                 _ => 0,
             };

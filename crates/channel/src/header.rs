@@ -96,8 +96,8 @@ impl Unit {
     pub(crate) fn of_input(role: Role) -> Self {
         match role {
             Role::Structure => Unit::LoadPair,
-            Role::Mesh => Unit::Displacement,
-            Role::Flow => Unit::None,
+            // The flow's is empty unless it announces `CANOPY_MOTION`.
+            Role::Mesh | Role::Flow => Unit::Displacement,
         }
     }
 

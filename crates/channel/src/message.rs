@@ -2,7 +2,7 @@
 
 /// Version of the contract. Bumped by every change to a header, a payload, a
 /// service name or the order of messages; see `docs/reference/contract.md`.
-pub const CONTRACT_VERSION: u32 = 3;
+pub const CONTRACT_VERSION: u32 = 4;
 
 /// One window of the run: from `time` to `time + dt`.
 ///

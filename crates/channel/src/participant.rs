@@ -142,7 +142,7 @@ pub struct Input<'a> {
     /// * structure: `[faces][8]`: pressure jump and traction
     ///   x, y, z at the start of the window, then the same at its end;
     /// * mesh: displacement from the unstressed shape, `[nodes][3]`, m;
-    /// * flow: empty.
+    /// * flow: empty; with [`crate::CANOPY_MOTION`] as the mesh.
     pub canopy: &'a [f64],
     /// Rows of the moved grid for [`Participant::grid_rows`] in their order:
     /// `[x, y, z, vx, vy, vz]`, m and m/s in the falling frame. Empty on a grid at rest.

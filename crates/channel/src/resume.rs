@@ -37,6 +37,10 @@ pub const BODY_FORCE: &str = "flow.body-force";
 /// Effect of a mesh-mover that moves rigid bodies as `case::BodyMotion` defines it.
 pub const BODY_MOTION: &str = "stage.body-motion";
 
+/// Effect of a flow that reads the displacement of the canopy, `[nodes][3]`, as its input, and needs no moved grid. Its load is the mean over the
+/// window.
+pub const CANOPY_MOTION: &str = "canopy.motion";
+
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
 pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {

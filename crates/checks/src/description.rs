@@ -7,6 +7,7 @@ use coupling::schemes::describe;
 use effects::effects;
 use terminal::counted;
 
+use crate::facts::immersed_sizes;
 use crate::shared_memory;
 
 /// The description of the scene; `first`: the first stage to run, from 0.
@@ -68,6 +69,10 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
     [mesh, format!("masses: {}; in all {all:.4} kg{payload}", parts.join(", "))]
 }
 
+fn immersed(scene: &Scene) -> bool {
+    scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
+}
+
 fn what(scene: &Scene, stage: &Stage) -> String {
     match stage.kind {
         StageKind::PreInflation => format!(
@@ -79,10 +84,15 @@ fn what(scene: &Scene, stage: &Stage) -> String {
         StageKind::Prescribed if stage.motions.is_empty() => {
             "mesh and flow around rigid bodies with prescribed motion".into()
         }
+        StageKind::Prescribed if immersed(scene) => "flow around the canopy with prescribed motion".into(),
         StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
         StageKind::Coupled => {
-            "coupled structure, mesh and flow".to_owned()
-                + if scene.descent.is_some() { ", with the descent" } else { "" }
+            let programs = if immersed(scene) {
+                "coupled structure and flow"
+            } else {
+                "coupled structure, mesh and flow"
+            };
+            programs.to_owned() + if scene.descent.is_some() { ", with the descent" } else { "" }
         }
     }
 }
@@ -106,7 +116,7 @@ fn time(stage: &Stage) -> String {
 /// Coupling scheme and load interpolation.
 fn coupling(scene: &Scene) -> String {
     let c = &scene.coupling;
-    let load = match c.load_interpolation {
+    let load = match scene.load_shape() {
         LoadShape::Mean => "mean",
         LoadShape::Constant => "constant",
         LoadShape::Linear => "linear",
@@ -116,6 +126,13 @@ fn coupling(scene: &Scene) -> String {
 
 /// Sizes and quality of the flow grid around the unstressed canopy.
 fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
+    if let Some(g) = scene.flow.as_ref().and_then(|f| f.immersed.as_ref()) {
+        let cells = mesh::structure_mesh(scene).map_or(0, |mesh| immersed_sizes(g, &mesh).cells);
+        return format!(
+            "flow grid: Cartesian, {cells} cells around the unstressed canopy, {} m wide at the canopy, which moves through it",
+            g.spacing_m
+        );
+    }
     let made =
         mesh::structure_mesh(scene).and_then(|canopy| mesh::draft_grid(scene, &canopy, &interface.coords));
     match made {

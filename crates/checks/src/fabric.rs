@@ -151,7 +151,7 @@ fn mass_ratio(f: &Facts<'_>) -> Vec<Judged> {
     let c = &f.scene.coupling;
     let explicit =
         c.scheme == case::Scheme::Staggered && c.staggered.sequence != case::StaggeredSequence::AddedMass;
-    let linear = c.load_interpolation == case::LoadShape::Linear
+    let linear = f.scene.load_shape() == case::LoadShape::Linear
         && f.stages_of(case::StageKind::Coupled).any(|(_, s)| s.substeps > 1);
     let figure = format!("the mass of the fabric is {} of the added mass of the air", percent(ratio));
     let (severity, key) = match (ratio < 1.0, explicit, linear) {

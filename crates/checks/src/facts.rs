@@ -75,7 +75,11 @@ impl<'a> Facts<'a> {
         let mesh = mesh::structure_mesh(scene)?;
         let numbers = Numbers::new(scene, interface, &mesh);
         let flows = scene.stages.iter().skip(first).any(|s| s.kind.roles().contains(&Role::Flow));
-        let grid = (flows && scene.flow.is_some()).then(|| mesh::grid_sizes(scene, &mesh));
+        let immersed = scene.flow.as_ref().and_then(|f| f.immersed.as_ref());
+        let grid = (flows && scene.flow.is_some()).then(|| match immersed {
+            Some(g) => Ok(immersed_sizes(g, &mesh)),
+            None => mesh::grid_sizes(scene, &mesh),
+        });
         Ok(Self { scene, numbers, mesh, grid, machine, first, former_names: Vec::new() })
     }
 
@@ -144,6 +148,21 @@ impl<'a> Facts<'a> {
     pub fn cells(&self) -> f64 {
         self.grid.as_ref().and_then(|g| g.as_ref().ok()).map_or(0.0, |g| g.cells as f64)
     }
+}
+
+/// Sizes of the Cartesian grid around the unstressed canopy in a stream from below.
+pub fn immersed_sizes(g: &case::Immersed, mesh: &StructureMesh) -> GridSizes {
+    let points: Vec<_> = mesh.coords[..mesh.n_canopy].iter().map(|x| (*x).into()).collect();
+    let placement = immersed::placement::Placement {
+        spacing: g.spacing_m,
+        room: g.room,
+        wake: g.wake,
+        far_field: g.far_field,
+        far_wake: g.far_wake,
+        growth: g.growth,
+    };
+    let [x, y, z] = placement.grid(&immersed::placement::bounds(&points), nalgebra::Vector3::z()).cells();
+    GridSizes { cells: (x * y * z) as u64, nodes: ((x + 1) * (y + 1) * (z + 1)) as u64 }
 }
 
 /// Three significant digits.

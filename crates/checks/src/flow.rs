@@ -143,12 +143,22 @@ fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
     let severity = if across < 9.5 { Warning } else { Note };
     let key = if matches!(f.scene.canopy, Canopy::Gmsh(_)) { "canopy.file" } else { "canopy.cells_across" };
     let figure = format!("about {across:.0} cells across the canopy, with edges of {} m", digits(n.cell));
-    vec![Judged::new(severity, key, figure)]
+    let mut found = vec![Judged::new(severity, key, figure)];
+    if let Some(g) = f.scene.flow.as_ref().and_then(|flow| flow.immersed.as_ref()) {
+        let across = n.width / g.spacing_m;
+        let severity = if across < LEAST_IMMERSED { Warning } else { Note };
+        let figure = format!("{across:.0} cells of the immersed grid across the canopy");
+        found.push(Judged::new(severity, "flow.immersed.spacing_m", figure));
+    }
+    found
 }
+
+/// Cells of an immersed grid across a canopy below which its rim, known to half a cell, changes the area by a tenth.
+const LEAST_IMMERSED: f64 = 16.0;
 
 /// Thickness of the cells at the canopy, m, and its key; `None` where a file gives the grid.
 fn layer(f: &Facts<'_>) -> Option<(f64, &'static str)> {
-    let flow = f.scene.flow.as_ref()?;
+    let flow = f.scene.flow.as_ref().filter(|f| !f.is_immersed())?;
     match (&flow.grid_file, &flow.box_grid) {
         (Some(_), _) => None,
         (None, Some(b)) => match b.first_layer_m {
@@ -257,12 +267,15 @@ fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
     if f.grid.is_none() {
         return Vec::new();
     }
-    let g = &flow.grid;
+    let [far, wake] = match &flow.immersed {
+        Some(g) => [("flow.immersed.far_field", g.far_field), ("flow.immersed.far_wake", g.far_wake)],
+        None => {
+            let g = &flow.grid;
+            [("flow.grid.far_field_widths", g.far_field_widths), ("flow.grid.wake_widths", g.wake_widths)]
+        }
+    };
     let mut found = Vec::new();
-    for (key, value, least) in [
-        ("flow.grid.far_field_widths", g.far_field_widths, 4.0),
-        ("flow.grid.wake_widths", g.wake_widths, 6.0),
-    ] {
+    for ((key, value), least) in [(far, 4.0), (wake, 6.0)] {
         if value < least {
             let figure = format!(
                 "the outer boundary is {} widths from the centre of the canopy, a blockage of {}",
@@ -273,9 +286,9 @@ fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
         }
     }
     if found.is_empty() {
-        let (far, wake) = (digits(g.far_field_widths), digits(g.wake_widths));
-        let figure = format!("the outer boundary is {far} widths away, {wake} downstream");
-        found.push(Judged::new(Note, "flow.grid.far_field_widths", figure));
+        let figure =
+            format!("the outer boundary is {} widths away, {} downstream", digits(far.1), digits(wake.1));
+        found.push(Judged::new(Note, far.0, figure));
     }
     found
 }

@@ -13,6 +13,8 @@ use super::table::{Check, When};
 
 /// Bytes of the flow-solver for each cell of a moving grid.
 const FLOW_BYTES: f64 = 1400.0;
+/// The same around an immersed canopy.
+const IMMERSED_BYTES: f64 = 250.0;
 /// Bytes of the mesh-mover for each cell, at most.
 const MESH_BYTES: f64 = 2900.0;
 /// Bytes of the structure-solver for each element, implicit steps.
@@ -28,6 +30,8 @@ const STATE_BYTES: f64 = 490.0;
 const SURFACE_BYTES: f64 = 150.0;
 /// Seconds of a flow solve and of a grid motion for each cell.
 const FLOW_S: f64 = 2e-6;
+/// Seconds of a step around an immersed canopy for each cell.
+const IMMERSED_S: f64 = 1e-7;
 const MESH_S: f64 = 1.5e-6;
 /// Seconds of an explicit and of an implicit structural step for each element.
 const EXPLICIT_S: f64 = 4.4e-8;
@@ -101,7 +105,7 @@ pub const CHECKS: &[Check] = &[
 
 /// Roles of the stages that run.
 fn roles(f: &Facts<'_>) -> impl Iterator<Item = Role> {
-    Role::ALL.into_iter().filter(|r| f.stages().any(|(_, s)| s.kind.roles().contains(r)))
+    Role::ALL.into_iter().filter(|r| f.stages().any(|(_, s)| f.scene.roles(s).contains(r)))
 }
 
 fn cores(f: &Facts<'_>) -> Vec<Judged> {
@@ -154,18 +158,24 @@ fn model_faces(f: &Facts<'_>) -> f64 {
     }
 }
 
+/// Whether the canopy moves through a Cartesian grid.
+fn immersed(f: &Facts<'_>) -> bool {
+    f.scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
+}
+
 /// Bytes of all programs in the largest stage.
 fn bytes(f: &Facts<'_>) -> f64 {
     let of = |role: Role| {
         let held = match role {
             Role::Structure => STRUCTURE_BYTES * elements(f),
+            Role::Flow if immersed(f) => IMMERSED_BYTES * f.cells(),
             Role::Flow => FLOW_BYTES * f.cells(),
             Role::Mesh => MESH_BYTES * f.cells(),
         };
         held + RANK_BYTES * f64::from(f.scene.ranks.of(role))
     };
     let most =
-        f.stages().map(|(_, s)| s.kind.roles().iter().map(|r| of(*r)).sum::<f64>()).fold(0.0, f64::max);
+        f.stages().map(|(_, s)| f.scene.roles(s).iter().map(|r| of(*r)).sum::<f64>()).fold(0.0, f64::max);
     most + RANK_BYTES + DENSE * 8.0 * model_faces(f).powi(2)
 }
 
@@ -244,8 +254,8 @@ fn seconds(f: &Facts<'_>, s: &Stage) -> f64 {
             f.machine.cores as f64
         })
     };
-    let flow = FLOW_S * f.cells() / share(Role::Flow);
-    let mesh = MESH_S * f.cells() / share(Role::Mesh);
+    let flow = if immersed(f) { IMMERSED_S * f.cells() } else { FLOW_S * f.cells() / share(Role::Flow) };
+    let mesh = if immersed(f) { 0.0 } else { MESH_S * f.cells() / share(Role::Mesh) };
     let structure = response(f, s) / share(Role::Structure);
     let window = match s.kind {
         StageKind::PreInflation => structure,

@@ -38,12 +38,12 @@ pub fn needed(scene: &Scene, stage: usize, interface: &CanopyInterface, grid_nod
         let shared = if ranks > 1 { ranks * MPI_RANK } else { 0 };
         COPIES * 8 * numbers + MPI_PROGRAM + shared + ranks * RANK
     };
-    scene.stages[stage].kind.roles().iter().map(of).sum()
+    scene.roles(&scene.stages[stage]).iter().map(of).sum()
 }
 
 /// Nodes of the moving grid of a scene; 0 where its parameters make none.
 pub fn grid_nodes(scene: &Scene) -> u64 {
-    if !scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Mesh)) {
+    if !scene.stages.iter().any(|s| scene.roles(s).contains(&Role::Mesh)) {
         return 0;
     }
     let made = mesh::structure_mesh(scene).and_then(|c| mesh::grid_sizes(scene, &c));

@@ -292,7 +292,7 @@ fn order(f: &Facts<'_>) -> Vec<Judged> {
     for (i, s) in f.stages() {
         let key = format!("stage[{i}].kind");
         let closed = matches!(f.scene.canopy, Canopy::Atps(_))
-            && f.scene.flow.as_ref().is_some_and(|w| w.grid_file.is_none());
+            && f.scene.flow.as_ref().is_some_and(|w| w.grid_file.is_none() && !w.is_immersed());
         if closed && flows(s) && !stages[..i].iter().any(inflates) {
             let figure = format!(
                 "stage `{}` needs a flow grid, but the vents of the canopy as cut are closed slits",

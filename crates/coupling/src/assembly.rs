@@ -32,7 +32,9 @@ pub struct CoupledStage<'a> {
 impl CoupledStage<'_> {
     /// The window loop from `state`, and lines for the log.
     pub fn window_loop(&self, state: InterfaceState) -> (WindowLoop, Vec<String>) {
-        let (coupling, interface, mut lines) = (&self.scene.coupling, self.interface, Vec::new());
+        let (interface, mut lines) = (self.interface, Vec::new());
+        let coupling =
+            &Coupling { load_interpolation: Some(self.scene.load_shape()), ..self.scene.coupling.clone() };
         let motion = Unknowns::new(interface.nodes(), self.window_s(), self.descent.is_some());
         let mut fields = self.fields(&state, motion);
         let unknowns = self.with_loads(motion, &mut fields);
@@ -71,7 +73,7 @@ impl CoupledStage<'_> {
         let moved = motion.displacements();
         let root = (interface.nodes() as f64).sqrt();
         let pressure = load_scale(scene, self.stage, interface, state, speed);
-        let load = load_floor(scene, interface, state, [pressure, dt, response(&scene.coupling)]);
+        let load = load_floor(scene, interface, state, [pressure, dt, response(scene)]);
         let mut fields = vec![Field { load, ..Field::new(0..moved, SHAPE_FLOOR * speed * dt * root) }];
         if self.descent.is_some() {
             let floor = speed_floor(scene, interface, pressure, dt) * motion.velocity_scale();
@@ -86,10 +88,18 @@ impl CoupledStage<'_> {
         shifted.map(|(x, d)| std::array::from_fn(|i| x[i] + d[i])).collect()
     }
 
+    fn is_immersed(&self) -> bool {
+        self.scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
+    }
+
     /// The air of the scene.
     fn air(&self) -> Air {
         let flow = self.scene.flow.as_ref();
-        flow.map_or(Air::incompressible(0.0), |f| Air { density: f.density_kg_m3, sound: f.sound_speed() })
+        match flow {
+            Some(f) if f.is_immersed() => Air::incompressible(f.density_kg_m3),
+            Some(f) => Air { density: f.density_kg_m3, sound: f.sound_speed() },
+            None => Air::incompressible(0.0),
+        }
     }
 
     /// Vortex lattice of the canopy in `state`; `None` where its faces cannot be merged into few enough groups.
@@ -122,7 +132,16 @@ impl CoupledStage<'_> {
         let faces = &self.interface.faces;
         let most = coupling.added_mass_max_panels as usize;
         let model = lattice.and_then(|lattice| {
-            AddedMassSurrogate::new(unknowns, lattice, &state.displacement, state.velocity, faces, air, most)
+            let model = AddedMassSurrogate::new(
+                unknowns,
+                lattice,
+                &state.displacement,
+                state.velocity,
+                faces,
+                air,
+                most,
+            );
+            if self.is_immersed() { model.map(AddedMassSurrogate::with_first_order_steps) } else { model }
         });
         let name = self.name();
         if model.is_none() {
@@ -153,7 +172,7 @@ impl CoupledStage<'_> {
         let (nodes, faces) = (self.interface.nodes() as f64, self.interface.faces.len());
         let fabric = &self.scene.fabric;
         let dt = self.window_s();
-        let moved = response(coupling) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
+        let moved = response(self.scene) * dt * dt / (fabric.thickness_m * fabric.density_kg_m3);
         let before = unknowns.len();
         let unknowns = unknowns.with_loads(faces * LOAD_WIDTH, moved * (nodes / faces as f64).sqrt());
         fields.push(Field { range: before..unknowns.len(), ..fields[0].clone() });
@@ -169,7 +188,7 @@ impl CoupledStage<'_> {
         MassProperties {
             fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3 + smeared,
             air: self.air(),
-            response: response(&self.scene.coupling),
+            response: response(self.scene),
             falling_kg: self.descent.map_or(0.0, |d| d.mass_kg),
         }
     }
@@ -207,6 +226,6 @@ impl CoupledStage<'_> {
 }
 
 /// Displacement at the end of a window, in dt^2/m, per pressure at its end.
-fn response(coupling: &Coupling) -> f64 {
-    0.5 * if coupling.load_interpolation == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
+fn response(scene: &Scene) -> f64 {
+    0.5 * if scene.load_shape() == LoadShape::Mean { MEAN_WEIGHTS[0] } else { 1.0 }
 }

@@ -93,7 +93,7 @@ pub struct Usage {
 ///
 /// let coupling = Coupling {
 ///     acceleration: Acceleration::IqnIls,
-///     load_interpolation: LoadShape::Linear,
+///     load_interpolation: Some(LoadShape::Linear),
 ///     tolerance: 1e-6,
 ///     ..Coupling::default()
 /// };
@@ -132,7 +132,8 @@ pub trait Partners {
         displacement: &mut [f64],
     ) -> Result<SolverResponse, RunError>;
 
-    /// Mesh: moves the flow grid to the canopy's `displacement` `[nodes][3]`.
+    /// Mesh: moves the flow grid to the canopy's `displacement` `[nodes][3]`; where the canopy moves through the grid, the next solve of the flow
+    /// is around it there.
     fn mesh(&mut self, w: &Window, displacement: &[f64]) -> Result<SolverResponse, RunError>;
 
     /// Flow: load `[faces][LOAD_WIDTH]` (Pa) at the end of the window.

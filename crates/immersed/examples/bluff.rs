@@ -1,4 +1,4 @@
-//! Drag of rigid bluff shapes of zero thickness in inviscid flow, at any angle to the grid.
+//! Drag of rigid bluff shapes of zero thickness in inviscid flow, at any angle to the grid, by the forces normal to their faces.
 //!
 //! `cargo run --release -p immersed --example bluff -- [plate|disk|cup-open|cup-away|sphere] [cells across] [end, D/U] [Courant number]
 //! [upwind share] [tilt, degrees] [Reynolds number of the air without walls] [perturbation, share of the stream]`
@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
+use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, Settings};
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
@@ -66,6 +67,9 @@ fn run(
 ) -> (Vec<f64>, [f64; 3], usize) {
     let cut = CutFaces::new(&flow.grid, nodes, faces, 0.0).expect("a surface in the even core");
     println!("# {} constraints of {} cut faces", cut.rows.len(), cut.crossings().len());
+    let own: Vec<u32> = (0..faces.len() as u32).collect();
+    let transfer =
+        FaceTransfer::new(&flow.grid, nodes, faces, &own, &cut).expect("a surface in the even core");
     let stream = flow.settings.far;
     let (mut drag, mut parts, mut iterations) = (Vec::new(), [0.0; 3], 0);
     for k in 1..=steps {
@@ -77,8 +81,8 @@ fn run(
         flow.accept(&cut.rows, &jumps);
         parts[2] += clock.elapsed().as_secs_f64();
         iterations += jumps.iterations;
-        let mut forces = vec![Vector3::zeros(); nodes.len()];
-        cut.add_forces(faces, &jumps.jump, &mut forces);
+        let mut forces = vec![Vector3::zeros(); faces.len()];
+        transfer.add_forces(&jumps.jump, &mut forces);
         let force: Vector3<f64> = forces.iter().sum();
         drag.push(force.dot(&stream) / (0.5 * area));
         if k % (steps / LINES).max(1) == 0 {

@@ -1,5 +1,7 @@
 //! Linear constraints on the velocity of faces.
 
+use nalgebra::Vector3;
+
 use crate::grid::{Grid, Velocity};
 use crate::poisson::Box3;
 
@@ -77,6 +79,13 @@ impl FluxConstraints {
     /// Largest speed at the faces of a row, m/s.
     pub fn largest_speed(&self, u: &Velocity, row: usize) -> f64 {
         self.entries(row).map(|((c, at), _)| u[*c as usize][*at].abs()).fold(0.0, f64::max)
+    }
+
+    /// Sum of the weights of a row by axis, m2.
+    pub fn weight_by_axis(&self, row: usize) -> Vector3<f64> {
+        let mut sum = Vector3::zeros();
+        self.entries(row).for_each(|((c, _), w)| sum[*c as usize] += w);
+        sum
     }
 
     /// Sum of squared weights.

@@ -61,6 +61,8 @@ pub struct CutFaces {
     area: f64,
 }
 
+/// Cells between a surface and the ends of the even ones, at least.
+pub const MARGIN: f64 = 3.0;
 /// Least cosine between the normals of a face that is cut at a small angle and the one whose constraint it joins.
 const SAME_SHEET: f64 = 0.3;
 /// Cells around a face in which that one is sought.
@@ -269,20 +271,52 @@ impl CutFaces {
         (0..self.rows.len()).map(of_row).collect()
     }
 
+    /// Triangle of the first crossing of a row.
+    pub(crate) fn triangle_of(&self, row: usize) -> usize {
+        self.crossings[self.of_entry[self.rows.offsets[row]].start].triangle
+    }
+
+    /// Where the rows lie on the surface of nodes at `scaled`: the crossings of the face of each that the surface cuts at the largest angle.
+    pub(crate) fn row_places(&self, triangles: &[[u32; 3]], scaled: &[Vector3<f64>]) -> Vec<RowPlace> {
+        let mut places = Vec::with_capacity(self.rows.len());
+        for row in 0..self.rows.len() {
+            let entries = self.rows.offsets[row]..self.rows.offsets[row + 1];
+            let first = |e: usize| &self.crossings[self.of_entry[e].start];
+            let steep = |e: &usize| first(*e).normal[first(*e).axis].abs();
+            let Some(entry) = entries.max_by(|a, b| steep(a).total_cmp(&steep(b))) else { continue };
+            for c in &self.crossings[self.of_entry[entry].clone()] {
+                let nodes = triangles[c.triangle];
+                let x = (0..3).map(|i| scaled[nodes[i] as usize] * c.shares[i]).sum();
+                places.push(RowPlace { row, x, normal: c.normal });
+            }
+        }
+        places
+    }
+
     /// All crossings.
     pub fn crossings(&self) -> &[Crossing] {
         &self.crossings
     }
 }
 
+/// A point of a row on the surface, in units of core cells, and the unit normal there.
+pub(crate) struct RowPlace {
+    pub row: usize,
+    pub x: Vector3<f64>,
+    pub normal: Vector3<f64>,
+}
+
 /// Positions in units of core cells, from the first face of the core.
-fn scaled_positions(grid: &Grid, positions: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, OutsideCore> {
+pub(crate) fn scaled_positions(
+    grid: &Grid,
+    positions: &[Vector3<f64>],
+) -> Result<Vec<Vector3<f64>>, OutsideCore> {
     let mut scaled = Vec::with_capacity(positions.len());
     for (node, x) in positions.iter().enumerate() {
         for d in 0..3 {
             let axis = &grid.axes[d];
             let place = |cell: f64| axis.faces[axis.core.start] + axis.spacing * cell;
-            let (from, to) = (place(3.0), place(axis.core.len() as f64 - 3.0));
+            let (from, to) = (place(MARGIN), place(axis.core.len() as f64 - MARGIN));
             if !(from..=to).contains(&x[d]) {
                 return Err(OutsideCore { node, axis: ['x', 'y', 'z'][d], at: x[d], from, to });
             }

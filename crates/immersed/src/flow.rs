@@ -67,6 +67,55 @@ pub struct Flow {
     dt: f64,
 }
 
+/// State of a flow at an accepted step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FlowState {
+    /// Velocity, m/s, with its ghosts.
+    pub velocity: Velocity,
+    /// Rates of the step before, m/s2.
+    pub rates: Velocity,
+    /// Length of the step before, s; `None` before the first.
+    pub previous_dt: Option<f64>,
+    /// Pressure jumps of the rows, Pa.
+    pub jump: Vec<f64>,
+}
+
+/// Positions of the values of one component of a grid along one axis among those of another.
+struct Interpolation(Vec<Option<(isize, f64)>>);
+
+impl Interpolation {
+    fn new(from: &Grid, to: &Grid, c: usize, d: usize, origin: f64) -> Self {
+        let count = |grid: &Grid| grid.axes[d].len() + usize::from(c == d);
+        let old: Vec<f64> = (0..count(from)).map(|i| from.coordinate(c, d, i)).collect();
+        let of = |i: usize| {
+            let x = to.coordinate(c, d, i) + origin;
+            let above = old.partition_point(|o| *o <= x);
+            match above {
+                0 => None,
+                // At the last point, or half a cell beyond it.
+                n if n == old.len() => (x <= old[n - 1] + 1e-9).then_some((n as isize - 2, 1.0)),
+                n => Some((n as isize - 1, (x - old[n - 1]) / (old[n] - old[n - 1]))),
+            }
+        };
+        Self((0..count(to)).map(of).collect())
+    }
+}
+
+/// Value of a component at a point of another grid; `None` outside of this one.
+fn interpolated(grid: &Grid, u: &[f64], lines: &[Interpolation; 3], cell: [usize; 3]) -> Option<f64> {
+    let [x, y, z] = [lines[0].0[cell[0]]?, lines[1].0[cell[1]]?, lines[2].0[cell[2]]?];
+    let mut sum = 0.0;
+    for corner in 0..8isize {
+        let [i, j, k] = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let share = |(_, s): (isize, f64), upper: isize| if upper == 1 { s } else { 1.0 - s };
+        let weight = share(x, i) * share(y, j) * share(z, k);
+        if weight != 0.0 {
+            sum += weight * u[grid.at([x.0 + i, y.0 + j, z.0 + k])];
+        }
+    }
+    Some(sum)
+}
+
 /// Limit of iterations of the constraint.
 const MAX_ITERATIONS: usize = 500;
 
@@ -156,6 +205,11 @@ impl Flow {
         PressureJumps { jump, iterations, residual }
     }
 
+    /// Sets the jumps, Pa, from which the next solution of the constraints starts.
+    pub fn start_from(&mut self, jumps: Vec<f64>) {
+        self.jump = jumps;
+    }
+
     /// Ends the step with the pressure jumps of the constraints.
     pub fn accept(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
         let volume: f64 = self.grid.axes.iter().map(|a| a.spacing).product();
@@ -171,6 +225,101 @@ impl Flow {
         self.grid.fill_ghosts(&mut self.velocity, self.settings.far);
         self.rates.swap(0, 1);
         self.previous_dt = Some(self.dt);
+    }
+
+    /// Least and largest pressure of the last accepted step, Pa; zero in the far field.
+    pub fn pressure_range(&self) -> [f64; 2] {
+        let scale = if self.dt > 0.0 { self.settings.density / self.dt } else { 0.0 };
+        let range = |[low, high]: [f64; 2], p: &f64| [p.min(low), p.max(high)];
+        self.pressure.iter().fold([f64::MAX, f64::MIN], range).map(|p| scale * p)
+    }
+
+    /// Pressure of each cell at the last accepted step, Pa, x fastest. After another solution of the constraints it is undefined.
+    pub fn pressures(&self) -> impl Iterator<Item = f64> {
+        let scale = if self.dt > 0.0 { self.settings.density / self.dt } else { 0.0 };
+        self.pressure.iter().map(move |p| scale * p)
+    }
+
+    /// Velocity at the centres of the cells, m/s, x fastest.
+    pub fn cell_velocities(&self) -> Vec<Vector3<f64>> {
+        let grid = &self.grid;
+        cells_of(&grid.all_cells())
+            .map(|cell| {
+                let at = grid.at(cell.map(|i| i as isize));
+                Vector3::from_fn(|c, _| 0.5 * (self.velocity[c][at] + self.velocity[c][at + grid.strides[c]]))
+            })
+            .collect()
+    }
+
+    /// Largest sum over the axes of velocity relative to the grid, which moves with `frame`, over width of a cell, 1/s.
+    pub fn largest_rate(&self, frame: Vector3<f64>) -> f64 {
+        let grid = &self.grid;
+        let widths: [Vec<f64>; 3] = [0, 1, 2].map(|d| grid.axes[d].widths.iter().map(|w| 1.0 / w).collect());
+        let mut largest = 0.0f64;
+        for cell in cells_of(&grid.all_cells()) {
+            let at = grid.at(cell.map(|i| i as isize));
+            let rate = |c: usize| {
+                let u = &self.velocity[c];
+                let fastest = (u[at] - frame[c]).abs().max((u[at + grid.strides[c]] - frame[c]).abs());
+                fastest * widths[c][cell[c]]
+            };
+            largest = largest.max(rate(0) + rate(1) + rate(2));
+        }
+        largest
+    }
+
+    /// Pressure jumps from which the next solution of the constraints starts, Pa.
+    pub fn jumps(&self) -> &[f64] {
+        &self.jump
+    }
+
+    /// Largest velocity relative to `frame` at the centres of the cells, m/s.
+    pub fn largest_speed(&self, frame: Vector3<f64>) -> f64 {
+        self.cell_velocities().iter().fold(0.0, |most: f64, v| most.max((v - frame).norm()))
+    }
+
+    /// What later steps depend on.
+    pub fn state(&self) -> FlowState {
+        FlowState {
+            velocity: self.velocity.clone(),
+            rates: self.rates[1].clone(),
+            previous_dt: self.previous_dt,
+            jump: self.jump.clone(),
+        }
+    }
+
+    /// Continues from a [`Self::state`] of the same grid. `None` where it is of another one.
+    #[must_use]
+    pub fn restore(&mut self, state: FlowState) -> Option<()> {
+        let fits = |u: &Velocity| u.iter().all(|c| c.len() == self.grid.array_len());
+        if !fits(&state.velocity) || !fits(&state.rates) {
+            return None;
+        }
+        self.velocity = state.velocity;
+        self.rates[1] = state.rates;
+        (self.previous_dt, self.jump) = (state.previous_dt, state.jump);
+        Some(())
+    }
+
+    /// The same flow on another grid, whose origin lies at `origin` (m) in the coordinates of this one: interpolated linearly, the far field's velocity
+    /// where this grid ends. The next step removes what divergence that leaves; it is of first order in time.
+    pub fn on_grid(&self, grid: Grid, origin: Vector3<f64>) -> Self {
+        let mut flow = Self::new(grid, self.settings);
+        for c in 0..3 {
+            let lines = [0, 1, 2].map(|d| Interpolation::new(&self.grid, &flow.grid, c, d, origin[d]));
+            let extent = |d: usize| flow.grid.axes[d].len() + usize::from(c == d);
+            for k in 0..extent(2) {
+                for j in 0..extent(1) {
+                    for i in 0..extent(0) {
+                        let value = interpolated(&self.grid, &self.velocity[c], &lines, [i, j, k]);
+                        let at = flow.grid.at([i, j, k].map(|i| i as isize));
+                        flow.velocity[c][at] = value.unwrap_or(self.settings.far[c]);
+                    }
+                }
+            }
+        }
+        flow.fill_ghosts();
+        flow
     }
 
     /// Largest flux out of a cell over its faces' area, m/s.

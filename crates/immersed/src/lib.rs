@@ -1,9 +1,10 @@
 //! Incompressible flow on a rectilinear grid through which surfaces move.
 //!
-//! - [`axis`], [`grid`]: cells and the layout of staggered arrays,
+//! - [`axis`], [`grid`], [`placement`]: cells around a surface and the layout of staggered arrays,
 //! - [`momentum`]: convection and viscous stress,
 //! - [`poisson`]: the pressure equation,
 //! - [`cut_faces`], [`constraints`]: surfaces, and what they prescribe on the faces that they cut,
+//! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`flow`]: a time step.
 //!
 //! Why: `docs/decisions/0048-immersed-surfaces.md`.
@@ -11,8 +12,10 @@
 pub mod axis;
 pub mod constraints;
 pub mod cut_faces;
+pub mod face_transfer;
 pub mod flow;
 pub mod grid;
 pub mod momentum;
+pub mod placement;
 pub mod poisson;
 pub mod shapes;

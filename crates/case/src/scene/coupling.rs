@@ -16,9 +16,9 @@ pub struct Coupling {
     pub staggered: Staggered,
     /// The order of structure and flow in the iterations of an implicit window.
     pub order: CouplingOrder,
-    /// Load over the substeps of a window.
+    /// Load over the substeps of a window. Absent: `mean`; with `[flow.immersed]` `constant`, whose load is the mean over the window already.
     #[serde(alias = "load")]
-    pub load_interpolation: LoadShape,
+    pub load_interpolation: Option<LoadShape>,
     /// An implicit window is converged when interface displacement and descent
     /// speed change by less than this, relative to their change over the window.
     pub tolerance: f64,
@@ -50,7 +50,7 @@ impl Default for Coupling {
             scheme: Scheme::Implicit,
             staggered: Staggered::default(),
             order: CouplingOrder::GaussSeidel,
-            load_interpolation: LoadShape::Mean,
+            load_interpolation: None,
             tolerance: 1e-3,
             max_iterations: 30,
             relaxation: 0.1,
@@ -72,6 +72,22 @@ pub enum Scheme {
     Staggered,
     /// Structure, flow and descent are iterated to convergence in each window.
     Implicit,
+}
+
+impl Scene {
+    /// Load over the substeps of a window: the scene's, or that of its flow.
+    pub fn load_shape(&self) -> LoadShape {
+        let immersed = self.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+        let of_flow = if immersed { LoadShape::Constant } else { LoadShape::Mean };
+        self.coupling.load_interpolation.unwrap_or(of_flow)
+    }
+}
+
+impl Coupling {
+    /// Load over the substeps of a window where the flow reports that at its end.
+    pub fn load_shape(&self) -> LoadShape {
+        self.load_interpolation.unwrap_or(LoadShape::Mean)
+    }
 }
 
 /// Load on the structure over the substeps of one window.

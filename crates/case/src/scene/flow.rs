@@ -3,11 +3,11 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{boundary_values, flow_grid, gust, monitors, shear};
+use super::{boundary_values, flow_grid, gust, immersed, monitors, shear};
 use crate::check::Check;
 use crate::{
-    Condition, FlowBox, Forces, Grid, GridFile, Gust, InletValues, MovingWall, OutletValues, Probe, Scene,
-    Shear, Slice, Statistics, SurfacePressure, UndisturbedAir,
+    Condition, FlowBox, Forces, Grid, GridFile, Gust, Immersed, InletValues, MovingWall, OutletValues, Probe,
+    Scene, Shear, Slice, Statistics, SurfacePressure, UndisturbedAir,
 };
 
 /// Specific gas constant of dry air, J/(kg K).
@@ -52,6 +52,8 @@ pub struct Flow {
     /// A box of cells around a panel instead of `[flow.grid]`.
     #[serde(rename = "box")]
     pub box_grid: Option<FlowBox>,
+    /// A Cartesian grid through which the canopy moves, instead of `[flow.grid]`. Absent: a grid fitted to the canopy.
+    pub immersed: Option<Immersed>,
     /// Velocity or flow rate of single inlets.
     #[serde(default, rename = "inlet")]
     pub inlets: Vec<InletValues>,
@@ -109,6 +111,11 @@ impl Flow {
     /// Magnitude of the force on the air, N/m3.
     pub fn body_force(&self) -> f64 {
         self.body_force_n_m3.map_or(0.0, |[x, y, z]| (x * x + y * y + z * z).sqrt())
+    }
+
+    /// Whether the canopy moves through a Cartesian grid.
+    pub fn is_immersed(&self) -> bool {
+        self.immersed.is_some()
     }
 
     /// Whether boundary patches are periodic.
@@ -321,4 +328,5 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     flow_grid::around_panel(scene, f, c);
     boundary_values::check(scene, f, c);
+    immersed::check(scene, c);
 }

@@ -15,6 +15,7 @@ mod fabric;
 mod flow;
 mod flow_grid;
 mod gust;
+mod immersed;
 mod layout;
 mod lines;
 mod mesh;
@@ -61,6 +62,7 @@ pub use flow::{
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
 pub use gust::{Gust, GustShape};
+pub use immersed::Immersed;
 pub use layout::*;
 pub use lines::{LineDrag, Lines};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
@@ -221,11 +223,20 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if let (Some(g), Some(folder)) = (scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()), file.parent()) {
         g.path = folder.join(&g.path);
     }
+    if scene.flow.as_ref().is_some_and(Flow::is_immersed) && !has_key(document.get_ref(), "ranks", "flow") {
+        scene.ranks.flow = 1;
+    }
     let problems = refusals(&scene)
         .into_iter()
         .map(|p| Problem::new(span_of(&document, &p.path), p.what, p.help))
         .collect::<Vec<_>>();
     if problems.is_empty() { Ok(scene) } else { Err(error(problems)) }
+}
+
+/// Whether a document has the key `key` in the section `section`.
+fn has_key(document: &DeTable<'_>, section: &str, key: &str) -> bool {
+    let table = document.get(section).and_then(|value| value.get_ref().as_table());
+    table.is_some_and(|table| table.contains_key(key))
 }
 
 /// The ranges that the values of `scene` are compared with, in the order of the checks. A key that a scene does not have

@@ -60,7 +60,7 @@ impl Role {
 pub struct Ranks {
     /// Ranks of the structure-solver.
     pub structure: u32,
-    /// Ranks of the flow-solver.
+    /// Ranks of the flow-solver. Absent: 2; with `[flow.immersed]` 1.
     pub flow: u32,
     /// Ranks of the mesh-mover.
     pub mesh: u32,

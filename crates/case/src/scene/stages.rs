@@ -92,13 +92,25 @@ pub enum StageKind {
 }
 
 impl StageKind {
-    /// The programs that this stage needs.
+    /// The programs that a stage of this kind needs around a fitted grid ([`Scene::roles`](crate::Scene::roles)).
     pub fn roles(self) -> &'static [Role] {
         match self {
             StageKind::PreInflation => &[Role::Structure],
             StageKind::FlowOnly => &[Role::Flow],
             StageKind::Coupled => &[Role::Structure, Role::Flow, Role::Mesh],
             StageKind::Prescribed => &[Role::Flow, Role::Mesh],
+        }
+    }
+}
+
+impl Scene {
+    /// The programs that `stage` needs: the mesh-mover only where a grid is fitted to the canopy.
+    pub fn roles(&self, stage: &Stage) -> &'static [Role] {
+        let immersed = self.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+        match stage.kind {
+            StageKind::Coupled if immersed => &[Role::Structure, Role::Flow],
+            StageKind::Prescribed if immersed => &[Role::Flow],
+            kind => kind.roles(),
         }
     }
 }
@@ -264,11 +276,13 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     if scene.flow.is_none() {
         c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
     }
-    if matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && scene.grid_file().is_none() {
+    let immersed = scene.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+    let fitted = matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && !immersed;
+    if fitted && scene.grid_file().is_none() {
         c.refuse(
             &at("kind"),
             "an air-bag octant or a canopy from a file has no flow grid around it",
-            "use kind = \"pre-inflation\", or give a grid by [flow.grid_file]",
+            "use kind = \"pre-inflation\", give a grid by [flow.grid_file], or use [flow.immersed]",
         );
     }
 }
@@ -277,7 +291,8 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
 fn open_vents(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
     let moves = matches!(scene.stages[k].kind, StageKind::Coupled | StageKind::Prescribed);
     let inflated = scene.stages[..k].iter().any(|s| s.kind == StageKind::PreInflation);
-    if moves && scene.has_vents() && !inflated {
+    let fitted = !scene.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+    if moves && fitted && scene.has_vents() && !inflated {
         c.refuse(
             &at("kind"),
             "the vents of the unstressed canopy are closed slits: no flow grid fits them",

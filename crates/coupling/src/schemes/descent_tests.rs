@@ -121,7 +121,7 @@ fn implicit() -> Coupling {
         relaxation: 0.02,
         max_iterations: 60,
         tolerance: 1e-9,
-        load_interpolation: LoadShape::Mean,
+        load_interpolation: Some(LoadShape::Mean),
         ..Coupling::default()
     }
 }

@@ -142,7 +142,7 @@ fn staggered(sequence: StaggeredSequence, predictor: u32) -> Coupling {
     Coupling {
         scheme: Scheme::Staggered,
         staggered: Staggered { sequence, predictor },
-        load_interpolation: LoadShape::Linear,
+        load_interpolation: Some(LoadShape::Linear),
         ..Coupling::default()
     }
 }
@@ -155,7 +155,7 @@ fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -
     Coupling {
         acceleration,
         order,
-        load_interpolation: load,
+        load_interpolation: Some(load),
         tolerance: 1e-10,
         max_iterations: 400,
         ..Coupling::default()

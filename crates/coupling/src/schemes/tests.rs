@@ -281,7 +281,7 @@ fn staggered_scheme_is_stable_for_heavy_canopies_only() {
 #[test]
 fn linear_load_interpolation_is_unstable_although_every_window_converges() {
     let mean = coupling(Acceleration::IqnIls, 0.05);
-    let linear = Coupling { load_interpolation: case::LoadShape::Linear, ..mean.clone() };
+    let linear = Coupling { load_interpolation: Some(case::LoadShape::Linear), ..mean.clone() };
     let (stable, unstable) = (largest_motion(50.0, &mean, 40), largest_motion(50.0, &linear, 40));
     assert!(unstable > 1e3 * stable, "{unstable} against {stable}");
 }

@@ -267,7 +267,7 @@ pub fn stiffness_damping(s: &Scope<'_>) -> Assessment {
 
 /// How far the canopy moves in its frame is known after the run only.
 pub fn moving_grid(s: &Scope<'_>) -> Assessment {
-    let moves = s.scene().stages.iter().any(|g| g.kind.roles().contains(&Role::Mesh));
+    let moves = s.scene().stages.iter().any(|g| s.scene().roles(g).contains(&Role::Mesh));
     Assessment::not(if moves {
         format!(
             "how far the canopy moves is not known before the run; cells at it are {:.3} m thick",
@@ -276,6 +276,14 @@ pub fn moving_grid(s: &Scope<'_>) -> Assessment {
     } else {
         "no stage moves the canopy in the flow".into()
     })
+}
+
+/// How the canopy and the grid meet is a matter of error and cost, not of physics.
+pub fn immersed(s: &Scope<'_>) -> Assessment {
+    let spacing = s.scene().flow.as_ref().and_then(|f| f.immersed.as_ref()).map(|g| g.spacing_m);
+    Assessment::not(spacing.map_or("the grid is fitted to the canopy".into(), |spacing| {
+        format!("a numerical method, not physics; {:.0} cells across the canopy", s.n.width / spacing)
+    }))
 }
 
 /// The time integration is a matter of error and cost, not of physics.

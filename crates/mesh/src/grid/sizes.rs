@@ -42,6 +42,9 @@ pub fn wake_cell(scene: &Scene, width: f64, edge: f64) -> Option<f64> {
     if flow.grid_file.is_some() || !(width > 0.0 && edge > 0.0) {
         return None;
     }
+    if let Some(g) = &flow.immersed {
+        return Some(g.spacing_m + (g.growth - 1.0) * (1.0 - g.wake).max(0.0) * width);
+    }
     if let Some(b) = &flow.box_grid {
         let mean = |length: f64, cells: u32| if cells > 0 { length / f64::from(cells) } else { 0.0 };
         let high = mean(b.above_m, b.layers_above).max(mean(b.below_m, b.layers_below));

@@ -22,6 +22,7 @@ pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
         grid: Default::default(),
         grid_file: None,
         box_grid: None,
+        immersed: None,
         inlets: Vec::new(),
         outlets: Vec::new(),
         moving_walls: Vec::new(),

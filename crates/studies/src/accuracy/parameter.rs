@@ -55,7 +55,7 @@ type Change = fn(&mut Scene, usize, f64);
 type Entry = (&'static str, Kind, f64, fn(&Scene, usize) -> Result<(), &'static str>, Change);
 
 fn has_role(scene: &Scene, role: Role) -> bool {
-    scene.stages.iter().any(|s| s.kind.roles().contains(&role))
+    scene.stages.iter().any(|s| scene.roles(s).contains(&role))
 }
 
 fn structure_grid(scene: &Scene, _: usize) -> Result<(), &'static str> {

@@ -38,7 +38,7 @@ impl FromSurrogate for AddedMassStaggered {
     fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Surrogate) -> Self {
         let defect = vec![0.0; surrogate.model.response_len()];
         let motions = Predictor::from_start(MAX_ORDER, &settings.start());
-        let inner = InnerSolve::new(surrogate, settings.coupling.load_interpolation, &settings.unknowns);
+        let inner = InnerSolve::new(surrogate, settings.coupling.load_shape(), &settings.unknowns);
         Self { order: settings.predictor(), inner, motions, defects: TimeHistory::default(), defect }
     }
 

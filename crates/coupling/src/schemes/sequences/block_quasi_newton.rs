@@ -37,7 +37,7 @@ impl FromSurrogate for BlockQuasiNewton {
 
     fn from_surrogate(settings: SchemeSettings<'_>, surrogate: Surrogate) -> Self {
         let defect = vec![0.0; surrogate.model.response_len()];
-        let load = settings.coupling.load_interpolation;
+        let load = settings.coupling.load_shape();
         Self {
             inner: InnerSolve::new(surrogate, load, &settings.unknowns),
             motions: Predictor::from_start(MAX_ORDER, &settings.start()),

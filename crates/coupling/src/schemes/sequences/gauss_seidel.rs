@@ -83,7 +83,7 @@ pub struct GaussSeidel {
 impl FromScene for GaussSeidel {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
         Self {
-            applied: AppliedLoad::new(settings.coupling.load_interpolation),
+            applied: AppliedLoad::new(settings.coupling.load_shape()),
             predictor: Predictor::from_start(2, &settings.start()),
         }
     }

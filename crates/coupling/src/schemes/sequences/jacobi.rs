@@ -28,7 +28,7 @@ impl FromScene for Jacobi {
             Predictor::new(2)
         };
         let iterate = vec![0.0; settings.unknowns.loads()];
-        Self { applied: AppliedLoad::new(settings.coupling.load_interpolation), predictor, iterate }
+        Self { applied: AppliedLoad::new(settings.coupling.load_shape()), predictor, iterate }
     }
 
     fn describe(_coupling: &Coupling) -> String {

@@ -85,7 +85,7 @@ pub struct ConventionalSerialStaggered {
 
 impl FromScene for ConventionalSerialStaggered {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
-        let applied = AppliedLoad::new(settings.coupling.load_interpolation);
+        let applied = AppliedLoad::new(settings.coupling.load_shape());
         Self { order: settings.predictor(), applied, motions: TimeHistory::from_start(&settings.start()) }
     }
 

@@ -81,6 +81,8 @@ pub struct AddedMassSurrogate {
     air: Air,
     /// Largest number of groups.
     most: usize,
+    /// The flow takes first-order differences of positions and velocities.
+    first_order: bool,
     /// Unstressed positions, m.
     reference: Vec<Vec3>,
     /// Configuration of the lattice: displacement, `[nodes][3]`, m, and length of windows, s.
@@ -126,6 +128,7 @@ impl AddedMassSurrogate {
             faces: faces.to_vec(),
             air,
             most,
+            first_order: false,
             reference: reference.collect(),
             assembled_for: (displacement.to_vec(), unknowns.window_s()),
             normals: lattice.normals.clone(),
@@ -180,6 +183,11 @@ impl AddedMassSurrogate {
         moved.map(|(x, d)| x + Vec3::from_column_slice(d)).collect()
     }
 
+    /// The same for a flow whose load is the mean over a window, from first-order differences.
+    pub fn with_first_order_steps(self) -> Self {
+        Self { first_order: true, ..self }
+    }
+
     /// The same with another density: a larger one stabilises schemes that rely on the surrogate alone.
     pub fn with_density(self, density: f64) -> Self {
         Self { air: Air { density, ..self.air }, ..self }
@@ -192,7 +200,7 @@ impl AddedMassSurrogate {
 
     /// Coefficients of the backward difference in a window of length `dt`, as in the flow; `None`: first order.
     fn difference(&self, dt: f64) -> Option<[f64; 3]> {
-        if self.kinematics.len() < 2 { None } else { channel::bdf2(dt / self.dt) }
+        if self.first_order || self.kinematics.len() < 2 { None } else { channel::bdf2(dt / self.dt) }
     }
 
     /// Velocity of the nodes relative to the ground at the end of a window, at the unknowns `x`.

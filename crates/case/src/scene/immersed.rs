@@ -1,0 +1,109 @@
+//! `[flow.immersed]`: a Cartesian grid through which the canopy moves.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::StageKind;
+use crate::Scene;
+use crate::check::Check;
+
+/// A Cartesian grid through which the canopy moves, instead of one that is fitted to it: fabric may fold, touch itself and close its vents, and no
+/// mesh-mover runs. The air is incompressible and slides along the fabric. The even cells around the canopy follow it; when it comes near
+/// their end, a new grid is made around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Immersed {
+    /// Width of the even cells around the canopy, m. Between 1/20 and 1/50 of the canopy's width; its rim is known to half a cell.
+    pub spacing_m: f64,
+    /// Even cells on all sides of the canopy, in largest extents of the canopy: room to move.
+    #[serde(default = "room")]
+    pub room: f64,
+    /// Even cells downstream of that, in the same unit.
+    #[serde(default = "wake")]
+    pub wake: f64,
+    /// From there to the far field, upstream and to the sides, in the same unit.
+    #[serde(default = "far_field")]
+    pub far_field: f64,
+    /// The same, downstream.
+    #[serde(default = "far_wake")]
+    pub far_wake: f64,
+    /// Largest ratio of the widths of neighbouring cells outside of the even ones.
+    #[serde(default = "growth")]
+    pub growth: f64,
+}
+
+fn room() -> f64 {
+    0.1
+}
+fn wake() -> f64 {
+    0.5
+}
+fn far_field() -> f64 {
+    4.0
+}
+fn far_wake() -> f64 {
+    8.0
+}
+fn growth() -> f64 {
+    1.2
+}
+
+/// Refuses sizes that make no grid, and effects that this method does not have.
+pub(super) fn check(scene: &Scene, c: &mut Check) {
+    let Some(flow) = &scene.flow else { return };
+    let Some(g) = &flow.immersed else { return };
+    c.positive("flow.immersed.spacing_m", g.spacing_m, 100.0, "a length in metres");
+    c.range("flow.immersed.room", g.room, 0.0..=5.0, "in largest extents of the canopy");
+    c.range("flow.immersed.wake", g.wake, 0.0..=50.0, "in largest extents of the canopy");
+    c.range("flow.immersed.far_field", g.far_field, 0.5..=100.0, "in largest extents of the canopy");
+    c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
+    c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
+    const REMEDY: &str = "remove it, or [flow.immersed]";
+    let turbulence = flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some());
+    let refused = [
+        (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
+        (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
+        (turbulence, "flow.viscosity.turbulence", "the immersed flow has no turbulence model"),
+        (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
+        (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
+        (flow.shear.is_some(), "flow.shear", "the immersed flow has the same wind at all heights"),
+        (flow.body_force() > 0.0, "flow.body_force_n_m3", "the immersed flow has no force on the air"),
+        (!flow.probes.is_empty(), "flow.probe", "the immersed flow has no probes"),
+        (
+            !flow.slices.is_empty(),
+            "flow.slice",
+            "the immersed flow writes no slices; snapshots have all cells",
+        ),
+        (flow.statistics.is_some(), "flow.statistics", "the immersed flow gathers no statistics"),
+        (
+            flow.surface_pressure.is_some(),
+            "flow.surface_pressure",
+            "the immersed flow knows the pressure jump only",
+        ),
+        (flow.forces.is_some(), "flow.forces", "the immersed flow has the force on the canopy only"),
+        (scene.ranks.flow > 1, "ranks.flow", "the immersed flow runs on one rank"),
+        (!scene.has_canopy(), "flow.immersed", "the scene has no canopy"),
+    ];
+    for (given, key, why) in refused {
+        if given {
+            let remedy = match key {
+                "ranks.flow" => "set it to 1",
+                "flow.immersed" => "remove it",
+                _ => REMEDY,
+            };
+            c.refuse(key, why, remedy);
+        }
+    }
+    for (k, stage) in scene.stages.iter().enumerate() {
+        if stage.steady.is_some() && stage.kind == StageKind::FlowOnly {
+            c.refuse(
+                &format!("stage[{k}].steady"),
+                "the immersed flow has no march to a steady state",
+                REMEDY,
+            );
+        }
+        if !stage.body_motions.is_empty() {
+            c.refuse(&format!("stage[{k}].body_motion"), "the immersed flow has no bodies", REMEDY);
+        }
+    }
+}

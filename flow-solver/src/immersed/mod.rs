@@ -1,0 +1,14 @@
+//! The flow around a canopy that moves through a Cartesian grid ([`case::Immersed`]): the crate [`immersed`](::immersed) as a participant.
+//!
+//! Velocities are relative to the wind, so that a gust accelerates nothing. The grid moves with the frame and follows the canopy
+//! ([`moving_grid`]). Where the canopy cuts the grid at the end of a window follows from the windows before it, so that all solves of a
+//! window differ in the prescribed velocities alone, and the load is a linear function of them.
+
+mod canopy;
+mod moving_grid;
+mod participant;
+mod snapshot;
+mod state;
+mod step;
+
+pub use participant::{ImmersedParticipant, participant};

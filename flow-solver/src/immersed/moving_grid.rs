@@ -1,0 +1,94 @@
+//! A grid that follows the canopy.
+//!
+//! The grid moves without rotation at a velocity that is fixed before a window begins: that of the frame, and a share of the
+//! distance that the middle of the canopy has from its place in the grid. Both are velocities of an inertial motion of the grid during the window, so that
+//! nothing is interpolated. Where the canopy comes near the end of the even cells, a new grid is made around it.
+
+use ::immersed::cut_faces::MARGIN;
+use ::immersed::flow::Flow;
+use ::immersed::grid::Grid;
+use ::immersed::placement::{Placement, bounds};
+use nalgebra::Vector3;
+
+/// Rate at which the grid closes the distance to the canopy, in speeds of the stream over extents of the canopy.
+const FOLLOWING_RATE: f64 = 2.0;
+/// Cells between the canopy and the nearest place that [`MARGIN`] allows, in which a new grid is made.
+const EARLY: f64 = 1.0;
+
+/// Where the grid is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MovingGrid {
+    /// Sizes.
+    pub placement: Placement,
+    /// Position of the grid's origin in the falling frame, m.
+    pub origin: Vector3<f64>,
+    /// Place of the middle of the canopy in the grid, m.
+    pub home: Vector3<f64>,
+    /// New grids since the first.
+    pub new_grids: u32,
+}
+
+impl MovingGrid {
+    /// The grid around a canopy in a stream, and its place.
+    pub fn around(placement: Placement, canopy: &[Vector3<f64>], stream: Vector3<f64>) -> (Self, Grid) {
+        let bounds = bounds(canopy);
+        let origin = 0.5 * (bounds[0] + bounds[1]);
+        let grid = placement.grid(&bounds.map(|x| x - origin), stream);
+        (Self { placement, origin, home: Vector3::zeros(), new_grids: 0 }, grid)
+    }
+
+    /// Velocity of the grid in the falling frame during the next window, in a stream of `speed` m/s.
+    pub fn drift(&self, canopy: &[Vector3<f64>], speed: f64) -> Vector3<f64> {
+        let bounds = bounds(canopy);
+        let size = (bounds[1] - bounds[0]).amax();
+        let away = 0.5 * (bounds[0] + bounds[1]) - self.origin - self.home;
+        let drift = away * (FOLLOWING_RATE * speed / size.max(f64::MIN_POSITIVE));
+        let fast = drift.norm();
+        if fast > speed { drift * (speed / fast) } else { drift }
+    }
+
+    /// Whether all points, in the falling frame, are well within the even cells of `grid`.
+    pub fn contains(&self, grid: &Grid, points: &[Vector3<f64>]) -> bool {
+        let bounds = bounds(points).map(|x| x - self.origin);
+        (0..3).all(|d| {
+            let axis = &grid.axes[d];
+            let margin = (MARGIN + EARLY) * axis.spacing;
+            bounds[0][d] >= axis.faces[axis.core.start] + margin
+                && bounds[1][d] <= axis.faces[axis.core.end] - margin
+        })
+    }
+
+    /// A new grid around the points, with the flow of the old one.
+    pub fn follow(&mut self, flow: &mut Flow, points: &[Vector3<f64>], stream: Vector3<f64>) {
+        let (new, grid) = Self::around(self.placement, points, stream);
+        *flow = flow.on_grid(grid, new.origin - self.origin);
+        *self = Self { new_grids: self.new_grids + 1, ..new };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZES: Placement =
+        Placement { spacing: 0.1, room: 0.1, wake: 0.5, far_field: 2.0, far_wake: 4.0, growth: 1.2 };
+
+    /// A canopy that moves away is followed, at most at the speed of the stream.
+    #[test]
+    fn grid_follows_a_drifting_canopy() {
+        let square = |x: f64| vec![Vector3::new(x - 1.0, -1.0, 0.0), Vector3::new(x + 1.0, 1.0, 0.5)];
+        let (mut at, grid) = MovingGrid::around(SIZES, &square(0.0), Vector3::z());
+        assert!(at.contains(&grid, &square(0.0)) && !at.contains(&grid, &square(1.0)));
+        assert_eq!(at.drift(&square(0.0), 5.0), Vector3::zeros());
+        assert!((at.drift(&square(0.1), 5.0).x - 0.5).abs() < 1e-12);
+        assert!((at.drift(&square(50.0), 5.0).norm() - 5.0).abs() < 1e-12);
+        assert_eq!(at.drift(&square(1.0), 0.0), Vector3::zeros());
+        // A steady drift of 1 m/s stays within the room.
+        let (mut x, dt) = (0.0, 0.01);
+        for _ in 0..2000 {
+            at.origin += at.drift(&square(x), 5.0) * dt;
+            x += dt;
+        }
+        assert!((x - at.origin.x - 0.2).abs() < 0.02, "{}", x - at.origin.x);
+    }
+}

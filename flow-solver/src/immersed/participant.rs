@@ -1,0 +1,409 @@
+//! The immersed flow as the rest of the system sees it.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant as Clock;
+
+use ::immersed::flow::{Flow, FlowState, Settings};
+use ::immersed::momentum::Momentum;
+use ::immersed::placement::Placement;
+use case::{Role, Scene, StageKind, StageTimes, Wind};
+use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
+use comm::Comm;
+use mesh::StructureMesh;
+use nalgebra::Vector3;
+
+use super::canopy::CanopySurface;
+use super::moving_grid::MovingGrid;
+use super::snapshot::{Place, Snapshots};
+use super::state::{Kinematics, Saved};
+use super::step::{Cut, OpenWindow, Solution, Start};
+use crate::physics::Permeability;
+
+/// Largest residual of the constraints relative to that without pressure jumps.
+const TOLERANCE: f64 = 1e-4;
+/// The same in units of the coupling tolerance.
+const TOLERANCE_OF_COUPLING: f64 = 0.05;
+/// Pressure jump below which the resistance of cloth is taken as constant, in units of rho U^2.
+const LINEAR_CLOTH: f64 = 1e-4;
+
+/// The flow-solver around an immersed canopy.
+pub struct ImmersedParticipant {
+    surface: CanopySurface,
+    structure: StructureMesh,
+    flow: Flow,
+    grid: MovingGrid,
+    /// Whether the canopy moves in this stage.
+    moving: bool,
+    wind: Wind,
+    cloth: Option<Permeability>,
+    sound: f64,
+    /// Accepted positions of the canopy in the falling frame, m, and velocities, m/s.
+    positions: Vec<Vector3<f64>>,
+    velocities: Vec<Vector3<f64>>,
+    /// Accepted velocity of the frame, m/s.
+    frame: Vector3<f64>,
+    /// The last accepted cut and the vertices of its surface in the grid.
+    last_cut: Option<Cut>,
+    /// Pressure jumps there, Pa.
+    last_jumps: Vec<f64>,
+    vertices: Vec<Vector3<f64>>,
+    open: Option<OpenWindow>,
+    /// Input of the last solution: positions, and the velocity of the frame.
+    trial: Option<(Vec<Vector3<f64>>, Vector3<f64>)>,
+    failure: Option<Fault>,
+    snapshots: Snapshots,
+    time: f64,
+}
+
+/// What a stage starts from.
+struct Begin {
+    positions: Vec<Vector3<f64>>,
+    velocities: Vec<Vector3<f64>>,
+    frame: Vector3<f64>,
+}
+
+/// Creates the participant of `stage`; `resume`: folder of a state within the stage.
+///
+/// # Errors
+/// More than one rank, a saved state that does not fit.
+pub fn participant(
+    scene: &Scene,
+    stage: usize,
+    out: &Path,
+    resume: Option<&Path>,
+    comm: &Comm,
+) -> Result<ImmersedParticipant, Fault> {
+    if comm.size() > 1 {
+        return Err(Fault::new(format!(
+            "the immersed flow runs on one rank, not on {}; set ranks.flow = 1",
+            comm.size()
+        )));
+    }
+    let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
+    let surface = CanopySurface::new(&structure);
+    let begin = Begin::of(scene, stage, out, &structure)?;
+    let mut participant = ImmersedParticipant::new(scene, stage, out, structure, surface, begin)?;
+    let source = match resume {
+        Some(folder) => Some(case::state_file(folder, Role::Flow)),
+        None => scene.source_state(out, stage, Role::Flow),
+    };
+    if let Some(file) = source {
+        participant.restore(&file, resume.is_some() || !moved_since(scene, stage))?;
+    }
+    if resume.is_some() {
+        participant.snapshots = Snapshots::resume(&case::stage_folder(out, scene, stage));
+    }
+    Ok(participant)
+}
+
+/// Whether a stage without flow has moved the canopy since the last stage with one.
+fn moved_since(scene: &Scene, stage: usize) -> bool {
+    scene.source_stage(stage, Role::Structure) > scene.source_stage(stage, Role::Flow)
+}
+
+impl Begin {
+    /// The shape that the structure's last stage left, at rest in the frame of the start.
+    fn of(scene: &Scene, stage: usize, out: &Path, structure: &StructureMesh) -> Result<Self, Fault> {
+        let n = structure.n_canopy;
+        let shape: Option<PathBuf> = scene
+            .source_stage(stage, Role::Structure)
+            .map(|s| case::canopy_file(&case::state_folder(out, scene, s)));
+        let positions = match shape {
+            Some(file) => mesh::load_shape(&file, n).map_err(Fault::new)?,
+            None => structure.coords[..n].to_vec(),
+        };
+        let frame = Vector3::new(0.0, 0.0, -scene.resolved().initial_speed_m_s);
+        Ok(Self {
+            positions: positions.into_iter().map(Vector3::from).collect(),
+            velocities: vec![Vector3::zeros(); n],
+            frame,
+        })
+    }
+}
+
+/// The sizes that a scene asks for.
+fn placement(g: &case::Immersed) -> Placement {
+    Placement {
+        spacing: g.spacing_m,
+        room: g.room,
+        wake: g.wake,
+        far_field: g.far_field,
+        far_wake: g.far_wake,
+        growth: g.growth,
+    }
+}
+
+impl ImmersedParticipant {
+    fn new(
+        scene: &Scene,
+        stage: usize,
+        out: &Path,
+        structure: StructureMesh,
+        surface: CanopySurface,
+        begin: Begin,
+    ) -> Result<Self, Fault> {
+        let missing = || Fault::new("the scene has no [flow.immersed]");
+        let air = scene.flow.as_ref().ok_or_else(missing)?;
+        let sizes = placement(air.immersed.as_ref().ok_or_else(missing)?);
+        let wind = scene.wind(stage, &StageTimes::completed(scene, out, stage));
+        let plan = &scene.stages[stage];
+        let tolerance = match plan.kind {
+            StageKind::Coupled => TOLERANCE.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
+            _ => TOLERANCE,
+        };
+        let viscosity = air.viscosity.as_ref().map_or(0.0, |v| v.dynamic_viscosity_pa_s / air.density_kg_m3);
+        let momentum = Momentum { upwind_share: air.upwind_share(), viscosity };
+        let settings = Settings { density: air.density_kg_m3, far: Vector3::zeros(), momentum, tolerance };
+        let stream = Vector3::from(wind.at(0.0)) - begin.frame;
+        let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream);
+        let cloth = scene.fabric.permeability.as_ref().map(|p| {
+            let (a, b) = p.coefficients();
+            Permeability::new(a, b)
+        });
+        Ok(Self {
+            surface,
+            structure,
+            flow: Flow::new(cells, settings),
+            grid,
+            moving: plan.kind != StageKind::FlowOnly,
+            wind,
+            cloth,
+            sound: air.sound_speed(),
+            positions: begin.positions,
+            velocities: begin.velocities,
+            frame: begin.frame,
+            last_cut: None,
+            last_jumps: Vec::new(),
+            vertices: Vec::new(),
+            open: None,
+            trial: None,
+            failure: None,
+            snapshots: Snapshots::default(),
+            time: 0.0,
+        })
+    }
+
+    /// Continues from the state in `file`; `with_canopy`: from its canopy too.
+    fn restore(&mut self, file: &Path, with_canopy: bool) -> Result<(), Fault> {
+        let unfit = |what: String| {
+            Fault::new(format!("flow state: {}", archive::Error::content(file, format!("it {what}"))))
+        };
+        let vertices = self.surface.vertices(&self.positions, Vector3::zeros()).len();
+        let (grid, state, motion) =
+            Saved::load(file)?.parts(self.structure.n_canopy, vertices).map_err(unfit)?;
+        let mut flow = Flow::new(grid, self.flow.settings);
+        flow.restore(state).ok_or_else(|| unfit("is of another grid".into()))?;
+        self.flow = flow;
+        let Kinematics { origin, home, new_grids, .. } = motion;
+        self.grid = MovingGrid { placement: self.grid.placement, origin, home, new_grids };
+        self.frame = motion.frame;
+        if with_canopy {
+            (self.positions, self.velocities) = (motion.positions, motion.velocities);
+        }
+        if !motion.vertices.is_empty() {
+            let cut = Cut::new(&self.flow.grid, &self.surface, &motion.vertices);
+            let cut = cut.map_err(|e| unfit(format!("does not fit: {e}")))?;
+            self.last_jumps = self.flow.jumps().to_vec();
+            if self.last_jumps.len() != cut.faces.rows.len() {
+                return Err(unfit("has pressure jumps of another canopy".into()));
+            }
+            self.last_cut = Some(cut);
+            self.vertices = motion.vertices;
+        }
+        Ok(())
+    }
+
+    /// Velocity of the frame relative to the mean wind over the window, m/s, if it has the velocity `end` at its end.
+    fn mean_frame(&self, w: &Window, end: Vector3<f64>) -> Vector3<f64> {
+        let wind = 0.5 * (Vector3::from(self.wind.at(w.time)) + Vector3::from(self.wind.at(w.time + w.dt)));
+        0.5 * (self.frame + end) - wind
+    }
+
+    /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
+    fn open(&mut self, w: &Window) -> Result<(), Fault> {
+        let wrong = |e| {
+            Fault::new(format!("window {} (t = {:.4} s): {e}; raise flow.immersed.room", w.index, w.time))
+        };
+        let relative = self.frame - Vector3::from(self.wind.at(w.time));
+        let start =
+            Start { positions: &self.positions, velocities: &self.velocities, origin: self.grid.origin };
+        let expected = super::step::predicted(&start, w.dt, self.grid.placement.spacing);
+        let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
+        if !self.grid.contains(&self.flow.grid, &all) {
+            self.grid.follow(&mut self.flow, &all, -relative);
+            (self.last_cut, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
+            let [x, y, z] = self.flow.grid.cells();
+            println!(
+                "window {} (t = {:.4} s): new grid of {x} x {y} x {z} cells around the canopy",
+                w.index, w.time
+            );
+        }
+        let drift =
+            if self.moving { self.grid.drift(&self.positions, relative.norm()) } else { Vector3::zeros() };
+        let start = Start { origin: self.grid.origin, ..start };
+        let at = (w.index, w.dt);
+        let mut open = OpenWindow::new(&self.flow, &self.surface, &start, at, [relative + drift, drift])
+            .map_err(wrong)?;
+        let jumps = match &self.last_cut {
+            Some(last) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
+            None => Vec::new(),
+        };
+        let floor = LINEAR_CLOTH * self.flow.settings.density * relative.norm_squared();
+        open.set_cloth(self.cloth, &jumps, floor.max(f64::MIN_POSITIVE));
+        open.start_from(&mut self.flow, jumps);
+        self.open = Some(open);
+        Ok(())
+    }
+
+    fn stats(&self, open: &OpenWindow, solution: &Solution) -> [f64; channel::STATS] {
+        let mut values = [0.0; channel::STATS];
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for (x, f) in self.surface.means(&open.nodes).iter().zip(&solution.forces) {
+            force += f;
+            moment += x.cross(f);
+        }
+        values[flow_stats::FORCE..][..3].copy_from_slice(force.as_slice());
+        values[flow_stats::MOMENT..][..3].copy_from_slice(moment.as_slice());
+        let tolerance = self.flow.settings.tolerance;
+        values[flow_stats::RESIDUAL_START] = 1.0;
+        values[flow_stats::RESIDUAL_END] = solution.residual;
+        values[flow_stats::RESIDUAL_TARGET] = tolerance;
+        values[flow_stats::UNCONVERGED] = f64::from(u8::from(solution.residual > tolerance));
+        values[flow_stats::ITERATIONS] = open.cuts.len() as f64;
+        values[flow_stats::LINEAR_ITERATIONS] = solution.iterations as f64;
+        values[flow_stats::MAX_COURANT] = open.courant;
+        let [low, high] = open.jumps.as_ref().map_or([0.0; 2], |jumps| {
+            jumps.jump.iter().fold([0.0f64; 2], |[low, high], p| [low.min(*p), high.max(*p)])
+        });
+        (values[flow_stats::MIN_PRESSURE], values[flow_stats::MAX_PRESSURE]) = (low, high);
+        values[flow_stats::MAX_MACH] = open.speed / self.sound;
+        values
+    }
+}
+
+impl Participant for ImmersedParticipant {
+    fn announce(&self) -> Announcement {
+        let mut effects = vec![
+            channel::RESUME,
+            "flow",
+            "flow.immersed",
+            "flow.gust",
+            channel::STAGE_WIND,
+            channel::GUST_SHAPE,
+            channel::PERTURBATION,
+            "fabric.permeability",
+            "flow.viscosity",
+            "coupling.adaptive",
+        ];
+        if self.moving {
+            effects.push(channel::CANOPY_MOTION);
+        }
+        Announcement {
+            role: Role::Flow.name().into(),
+            program: env!("CARGO_PKG_NAME").into(),
+            version: env!("CARGO_PKG_VERSION").into(),
+            canopy_nodes: self.structure.n_canopy as u64,
+            canopy_faces: self.structure.faces.len() as u64,
+            surface_hash: surface_hash(&self.structure.faces),
+            grid_nodes: 0,
+            output_width: LOAD_WIDTH as u64,
+            effects: effects.into_iter().map(String::from).collect(),
+        }
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        (0..self.surface.len() as u64).collect()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let _part = timing::part("advance");
+        let clock = Clock::now();
+        self.failure = None;
+        if self.open.as_ref().is_none_or(|o| (o.index, o.dt) != (w.index, w.dt)) {
+            if let Some(mut open) = self.open.take() {
+                open.reject(&mut self.flow);
+            }
+            self.open(w)?;
+        }
+        let end: Vector3<f64> = w.frame_velocity.into();
+        let frame = self.mean_frame(w, end);
+        let positions: Vec<Vector3<f64>> = if input.canopy.is_empty() {
+            self.positions.clone()
+        } else {
+            let moved = self.structure.coords.iter().zip(input.canopy.chunks_exact(3));
+            moved.map(|(x, d)| Vector3::from(*x) + Vector3::from_column_slice(d)).collect()
+        };
+        let moved = positions.iter().zip(&self.positions);
+        let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
+        let mut open = self.open.take().expect("just opened");
+        let solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
+        self.surface.loads(&open.nodes, &solution.forces, output);
+        let mut values = self.stats(&open, &solution);
+        if !output.iter().chain(&values).all(|x| x.is_finite()) {
+            open.reject(&mut self.flow);
+            let words = format!(
+                "window {} (t = {:.4} s): flow: the immersed flow diverged; shorten window_s, or raise flow.immersed.spacing_m",
+                w.index, w.time
+            );
+            eprintln!("flow-solver: {words}");
+            self.failure = Some(Fault::new(words));
+            output.fill(0.0);
+            values = [0.0; channel::STATS];
+            values[flow_stats::NO_ANSWER] = 1.0;
+            (values[flow_stats::RESIDUAL_START], values[flow_stats::RESIDUAL_END]) = (1.0, -1.0);
+        } else {
+            self.trial = Some((positions, end));
+            self.open = Some(open);
+        }
+        Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        let _part = timing::part("accept");
+        let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
+        let (Some(open), Some((positions, end))) = (self.open.take(), self.trial.take()) else {
+            return Err(self.failure.take().unwrap_or_else(none));
+        };
+        if open.index != w.index {
+            return Err(none());
+        }
+        let frame = self.mean_frame(w, end);
+        self.vertices = self.surface.vertices(&open.nodes, self.grid.origin + open.drift * open.dt);
+        // The grid moves at a velocity that was fixed before that of the frame.
+        self.grid.origin += (open.velocity - frame) * open.dt;
+        for ((v, x), start) in self.velocities.iter_mut().zip(&positions).zip(&self.positions) {
+            *v = (x - start) / open.dt;
+        }
+        (self.positions, self.frame) = (positions, end);
+        self.last_cut = open.accept(&mut self.flow);
+        self.last_jumps = self.flow.jumps().to_vec();
+        self.time = w.time + w.dt;
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("save");
+        let motion = Kinematics {
+            positions: self.positions.clone(),
+            velocities: self.velocities.clone(),
+            vertices: self.vertices.clone(),
+            origin: self.grid.origin,
+            home: self.grid.home,
+            new_grids: self.grid.new_grids,
+            frame: self.frame,
+        };
+        let flow = FlowState { jump: self.last_jumps.clone(), ..self.flow.state() };
+        Saved::new(&self.flow.grid, flow, &motion).save(&case::state_file(folder, Role::Flow))
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        let _part = timing::part("snapshot");
+        let place = Place {
+            origin: self.grid.origin,
+            wind: self.wind.at(self.time).into(),
+            frame: self.frame,
+            sound: self.sound,
+        };
+        self.snapshots.write(&self.flow, &place, time, folder)
+    }
+}

@@ -1,0 +1,215 @@
+//! The steps of a window.
+
+use ::immersed::cut_faces::{CutFaces, OutsideCore};
+use ::immersed::face_transfer::FaceTransfer;
+use ::immersed::flow::{Flow, FlowState, PressureJumps};
+use ::immersed::grid::Grid;
+use nalgebra::Vector3;
+
+use super::canopy::CanopySurface;
+use crate::physics::Permeability;
+
+/// Sum over the axes of Courant numbers that a step has at most.
+const MAX_COURANT: f64 = 0.4;
+/// Steps of a window at most.
+const MAX_STEPS: usize = 1000;
+/// Share of a cell by which a node moves at most in the prediction of a step.
+const PREDICTED_MOTION: f64 = 0.5;
+
+/// Where the canopy cuts the grid at the end of a step, and how faces and constraints are connected there.
+#[derive(Clone, Debug, Default)]
+pub struct Cut {
+    /// Cut faces with their constraints.
+    pub faces: CutFaces,
+    /// Connection with the faces of the canopy.
+    pub transfer: FaceTransfer,
+}
+
+impl Cut {
+    /// For vertices of the surface in coordinates of the grid, m.
+    ///
+    /// # Errors
+    /// A node outside the even cells.
+    pub fn new(grid: &Grid, surface: &CanopySurface, vertices: &[Vector3<f64>]) -> Result<Self, OutsideCore> {
+        let faces = CutFaces::new(grid, vertices, &surface.triangles, 1.0)?;
+        let transfer = FaceTransfer::new(grid, vertices, &surface.triangles, &surface.face_of, &faces)?;
+        Ok(Self { faces, transfer })
+    }
+
+    /// Sets what passes through the cloth: nothing, or as at the last pressure jumps. `floor`: jump below which the law is linear, Pa.
+    pub fn set_cloth(&mut self, cloth: Option<Permeability>, jumps: &[f64], floor: f64) {
+        for (r, area) in self.faces.rows.permeability.iter_mut().enumerate() {
+            let jump = jumps.get(r).copied().unwrap_or(0.0).abs().max(floor);
+            *area *= cloth.map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
+        }
+    }
+}
+
+/// A window that is solved, perhaps repeatedly, and not accepted yet.
+pub struct OpenWindow {
+    /// Number and length, s.
+    pub index: u64,
+    pub dt: f64,
+    /// Velocity of the grid relative to the wind, m/s, and in the falling frame.
+    pub velocity: Vector3<f64>,
+    pub drift: Vector3<f64>,
+    /// Positions of the nodes for which loads are given: those predicted for the end.
+    pub nodes: Vec<Vector3<f64>>,
+    /// The cuts of its steps.
+    pub cuts: Vec<Cut>,
+    /// Where several steps are needed: the state at its start.
+    start: Option<FlowState>,
+    /// Whether the first step is predicted already.
+    predicted: bool,
+    /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
+    pub courant: f64,
+    pub speed: f64,
+    /// Jumps of the last step of the last solution.
+    pub jumps: Option<PressureJumps>,
+}
+
+/// Solution of a window.
+#[derive(Clone, Debug, Default)]
+pub struct Solution {
+    /// Mean force on each face, N.
+    pub forces: Vec<Vector3<f64>>,
+    /// Iterations of all steps, and the largest residual.
+    pub iterations: usize,
+    pub residual: f64,
+}
+
+/// What a window starts from.
+pub struct Start<'a> {
+    /// Positions of the nodes, m, and their velocities in the falling frame, m/s.
+    pub positions: &'a [Vector3<f64>],
+    pub velocities: &'a [Vector3<f64>],
+    /// Origin of the grid in the falling frame, m.
+    pub origin: Vector3<f64>,
+}
+
+/// Number of equal steps of a window of `dt` s.
+pub fn steps(flow: &Flow, dt: f64, courant: f64) -> usize {
+    let h = flow.grid.axes[0].spacing;
+    let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h);
+    // Not a number: one step, whose result is judged.
+    (((courant + viscous) / MAX_COURANT).ceil().max(1.0) as usize).min(MAX_STEPS)
+}
+
+/// Nodes after `time` s at their velocities, each moved by a part of a cell at most.
+pub fn predicted(start: &Start<'_>, time: f64, spacing: f64) -> Vec<Vector3<f64>> {
+    let most = PREDICTED_MOTION * spacing;
+    let moved = |(x, v): (&Vector3<f64>, &Vector3<f64>)| {
+        let step = v * time;
+        x + step * (most / step.norm().max(most))
+    };
+    start.positions.iter().zip(start.velocities).map(moved).collect()
+}
+
+impl OpenWindow {
+    /// Opens a window of `count` steps: the canopy cuts the grid where its nodes are expected.
+    ///
+    /// # Errors
+    /// A node outside the even cells.
+    pub fn new(
+        flow: &Flow,
+        surface: &CanopySurface,
+        start: &Start<'_>,
+        (index, dt): (u64, f64),
+        [velocity, drift]: [Vector3<f64>; 2],
+    ) -> Result<Self, OutsideCore> {
+        let _part = timing::part("cut");
+        let courant = flow.largest_rate(velocity) * dt;
+        let count = steps(flow, dt, courant);
+        let spacing = flow.grid.axes[0].spacing;
+        let mut cuts = Vec::with_capacity(count);
+        let mut nodes = Vec::new();
+        for step in 1..=count {
+            let time = dt * step as f64 / count as f64;
+            nodes = predicted(start, time, spacing);
+            let vertices = surface.vertices(&nodes, start.origin + drift * time);
+            cuts.push(Cut::new(&flow.grid, surface, &vertices)?);
+        }
+        let start = (count > 1).then(|| flow.state());
+        let speed = flow.largest_speed(velocity);
+        Ok(Self {
+            index,
+            dt,
+            velocity,
+            drift,
+            nodes,
+            cuts,
+            start,
+            predicted: false,
+            courant,
+            speed,
+            jumps: None,
+        })
+    }
+
+    /// Sets what passes through the cloth at the pressure jumps of the last window ([`Cut::set_cloth`]).
+    pub fn set_cloth(&mut self, cloth: Option<Permeability>, jumps: &[f64], floor: f64) {
+        for step in 0..self.cuts.len() {
+            let jumps = self.cuts[step].faces.transfer(&self.cuts[0].faces, jumps);
+            self.cuts[step].set_cloth(cloth, &jumps, floor);
+        }
+    }
+
+    /// Starts the first solution of the window from these jumps.
+    pub fn start_from(&mut self, flow: &mut Flow, jumps: Vec<f64>) {
+        if let Some(start) = &mut self.start {
+            start.jump.clone_from(&jumps);
+        }
+        flow.start_from(jumps);
+    }
+
+    /// Solves the window with the mean velocities of the faces relative to the wind, m/s.
+    pub fn solve(&mut self, flow: &mut Flow, face_velocities: &[Vector3<f64>]) -> Solution {
+        let count = self.cuts.len();
+        let mut solution =
+            Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
+        if let Some(start) = &self.start {
+            flow.restore(start.clone()).expect("its own state");
+        }
+        for step in 0..count {
+            if !(self.predicted && count == 1) {
+                let _part = timing::part("momentum");
+                flow.predict(self.dt / count as f64, self.velocity);
+                self.predicted = true;
+            }
+            let cut = &mut self.cuts[step];
+            cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
+            let jumps = {
+                let _part = timing::part("constraints");
+                flow.solve_constraints(&cut.faces.rows)
+            };
+            solution.iterations += jumps.iterations;
+            solution.residual = jumps.residual.max(solution.residual);
+            let share: Vec<f64> = jumps.jump.iter().map(|j| j / count as f64).collect();
+            self.cuts[step].transfer.add_forces(&share, &mut solution.forces);
+            if step + 1 < count {
+                let _part = timing::part("projection");
+                flow.accept(&self.cuts[step].faces.rows, &jumps);
+                let next = self.cuts[step + 1].faces.transfer(&self.cuts[step].faces, &jumps.jump);
+                flow.start_from(next);
+            }
+            self.jumps = Some(jumps);
+        }
+        solution
+    }
+
+    /// Returns the flow to the start of the window.
+    pub fn reject(&mut self, flow: &mut Flow) {
+        if let Some(start) = &self.start {
+            flow.restore(start.clone()).expect("its own state");
+        }
+        self.jumps = None;
+    }
+
+    /// Ends the window with its last solution; returns the last cut. `None` where there is no solution.
+    pub fn accept(mut self, flow: &mut Flow) -> Option<Cut> {
+        let _part = timing::part("projection");
+        let (jumps, cut) = (self.jumps?, self.cuts.pop()?);
+        flow.accept(&cut.faces.rows, &jumps);
+        Some(cut)
+    }
+}

@@ -1,0 +1,104 @@
+//! A descent with an immersed canopy: no mesh-mover, balances, restart, replay.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use ripstop_tests::{History, changed_scene, program, ripstop_run, scene, succeed};
+
+/// Stages of the scene before the descent.
+const BEFORE: &str = "[[stage]]
+name = \"pre-inflation\"
+kind = \"pre-inflation\"
+pressure_pa = 12.0
+duration_s = 1.0
+window_s = 5e-3
+substeps = 5
+mass_damping_per_s = 10.0
+settled_energy_ratio = 1e-4
+
+[[stage]]
+name = \"developed-flow\"
+kind = \"flow-only\"
+duration_s = 0.2
+window_s = 2e-2
+
+";
+
+/// The small descent with a Cartesian grid, 12 windows.
+fn immersed(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
+    let short = [
+        ("duration_s = 0.1\n", "duration_s = 0.06\n"),
+        (
+            "[flow.grid]\nlayers_inside = 5\nlayers_outside = 10\nfirst_layer_m = 0.1\n",
+            "[flow.immersed]\nspacing_m = 0.15\n",
+        ),
+    ];
+    changed_scene("square-drop", folder, &[&short, more].concat())
+}
+
+#[test]
+fn immersed_descent_balances_and_resumes_bitwise() {
+    let folder = tempfile::tempdir().expect("a folder");
+    // Released from its cut, without inflation.
+    let scene = immersed(folder.path(), &[(BEFORE, "")]);
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    let recording = folder.path().join("recording");
+    succeed(ripstop_run(&scene, &a, &["--record", recording.to_str().expect("UTF-8")]));
+    let history = History::read(&a, "descent");
+    assert_eq!(history.len(), 12);
+    assert!(history.column("coupling_converged").iter().all(|c| *c == 1.0));
+    assert!(!a.join("descent/logs/mesh.log").exists() && a.join("descent/logs/flow.log").exists());
+    // The work on the structure is that of the air, by less than the tolerance of the coupling.
+    let share = history.column("interface_energy_error_share");
+    assert!(share.last().expect("rows").abs() < 2e-3, "{share:?}");
+    let iterations = history.column("coupling_iterations");
+    assert!(iterations.iter().sum::<f64>() < 12.0 * 8.0, "{iterations:?}");
+
+    // In two parts.
+    succeed(ripstop_run(&scene, &b, &["--stop-after-windows", "5"]));
+    succeed(ripstop_run(&scene, &b, &["--resume"]));
+    assert_eq!(history.without_wall_times(), History::read(&b, "descent").without_wall_times());
+
+    // The recording is replayed to the flow alone.
+    let mut replay = Command::new(program("ripstop"));
+    replay.arg("replay").arg(&recording).arg("--flow");
+    succeed(replay);
+
+    // And the flow passes the conformance test.
+    let mut conform = Command::new(program("ripstop"));
+    conform.args(["conform", "flow"]).arg(&recording);
+    succeed(conform);
+}
+
+/// The same descent on both grids, over its first 60 ms: the canopy fills and is slowed by the same force of the air.
+#[test]
+fn immersed_and_fitted_grids_agree() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (a, b) = (folder.path().join("a"), folder.path().join("b"));
+    succeed(ripstop_run(&immersed(folder.path(), &[("spacing_m = 0.15", "spacing_m = 0.1")]), &a, &[]));
+    succeed(ripstop_run(&scene("square-drop"), &b, &[]));
+    let (a, b) = (History::read(&a, "descent"), History::read(&b, "descent"));
+    let last = |h: &History, name: &str| h.column(name)[11];
+    for (name, bound) in [("descent_speed_m_s", 0.03), ("projected_area_m2", 0.03)] {
+        let (x, y) = (last(&a, name), last(&b, name));
+        println!("{name}: immersed {x:.4}, fitted {y:.4}");
+        assert!((x / y - 1.0).abs() < bound, "{name}: {x} {y}");
+    }
+}
+
+/// What this flow does not have is refused with the key.
+#[test]
+fn effects_without_support_are_refused() {
+    for (more, key) in [
+        ("[flow.energy]\n", "energy"),
+        ("[flow.viscosity]\nturbulence = \"wale\"\n", "turbulence"),
+        ("[ranks]\nflow = 2\n", "one rank"),
+        ("[flow.shear]\nheight_m = 100.0\n", "shear"),
+    ] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let scene = immersed(folder.path(), &[("[coupling]\n", &format!("{more}\n[coupling]\n"))]);
+        let output = ripstop_run(&scene, &folder.path().join("o"), &[]).output().expect("started");
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && text.contains(key), "{key}: {text}");
+    }
+}
