@@ -290,9 +290,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
     let mut comparison = Comparison::new(args.tolerance).judging_counts(args.iteration_tolerance);
     let reader = Reader::open(&session.file)?;
     let canopy = &session.prepared.interface;
-    session.run(stop, console, |partners| {
-        send_requests(partners, role, reader, canopy, &mut comparison)
-    })?;
+    session.run(stop, console, |partners| send_requests(partners, role, reader, canopy, &mut comparison))?;
     if args.out.is_some() {
         crate::diff_command::write(&session.out, &session.stage, &comparison)?;
     }

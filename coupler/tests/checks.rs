@@ -20,6 +20,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("atps-descent/scene.toml", &["fabric.strain"]),
     ("atps-descent/tapes.toml", &["fabric.strain"]),
     ("atps-inflation/scene.toml", &["fabric.strain", "flow.cells-across", "stage.damping"]),
+    ("atps-opening/scene.toml", &["descent.drag-coefficient", "fabric.strain"]),
     ("atps-paper-scale/descent.toml", &["fabric.strain"]),
     ("atps-paper-scale/scene.toml", &["fabric.strain"]),
     ("atps-uniform-pressure/scene.toml", &["fabric.strain"]),

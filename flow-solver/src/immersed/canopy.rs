@@ -4,6 +4,9 @@ use channel::LOAD_WIDTH;
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
+/// Least area vector of a face, in units of its unfolded area, that a load refers to.
+const LEAST_OPENING: f64 = 0.25;
+
 /// Faces of the canopy as triangles. A face of four nodes is four triangles around the mean of its corners, as in the contract.
 #[derive(Clone, Debug)]
 pub struct CanopySurface {
@@ -78,17 +81,30 @@ impl CanopySurface {
         }
     }
 
-    /// Pressure jump and traction, Pa, of each face from the force on it, N; `load` is `[faces][LOAD_WIDTH]`. A face without area has none.
+    /// Area of a face as its triangles have it, m2.
+    fn unfolded_area(&self, face: usize, nodes: &[Vector3<f64>]) -> f64 {
+        let [a, b, c, d] = self.faces[face].map(|n| nodes[n as usize]);
+        let of = |x: Vector3<f64>, y: Vector3<f64>, z: Vector3<f64>| 0.5 * (y - x).cross(&(z - x)).norm();
+        if self.faces[face][2] == self.faces[face][3] {
+            return of(a, b, c);
+        }
+        let middle = 0.25 * (a + b + c + d);
+        of(a, b, middle) + of(b, c, middle) + of(c, d, middle) + of(d, a, middle)
+    }
+
+    /// Pressure jump and traction, Pa, of each face from the force on it, N; `load` is `[faces][LOAD_WIDTH]`. A face that is folded in two has
+    /// an area vector near zero: below [`LEAST_OPENING`] of its unfolded area the load is that on this share of the area.
     pub fn loads(&self, nodes: &[Vector3<f64>], forces: &[Vector3<f64>], load: &mut [f64]) {
         for (f, (force, row)) in forces.iter().zip(load.chunks_exact_mut(LOAD_WIDTH)).enumerate() {
             let area = self.area(f, nodes);
-            let size = area.norm();
+            let size = area.norm().max(LEAST_OPENING * self.unfolded_area(f, nodes));
             if size <= 0.0 {
                 row.fill(0.0);
                 continue;
             }
             row[0] = force.dot(&area) / (size * size);
-            let traction = (force - area * row[0]) / size;
+            let traction =
+                (force - area * (force.dot(&area) / area.norm_squared().max(f64::MIN_POSITIVE))) / size;
             row[1..].copy_from_slice(traction.as_slice());
         }
     }

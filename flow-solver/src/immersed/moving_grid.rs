@@ -15,6 +15,23 @@ const FOLLOWING_RATE: f64 = 2.0;
 /// Cells between the canopy and the nearest place that [`MARGIN`] allows, in which a new grid is made.
 const EARLY: f64 = 1.0;
 
+/// Cells of a grid at most: 25 GB.
+const MAX_CELLS: usize = 100_000_000;
+
+/// The canopy extends so far that its grid would not fit into memory.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the canopy extends over {size:.1} m, and its grid would have {cells:.1e} cells (at most {:.0e}); raise flow.immersed.spacing_m, or \
+     shorten window_s if the canopy has diverged",
+    MAX_CELLS as f64
+)]
+pub struct TooManyCells {
+    /// Largest extent, m.
+    pub size: f64,
+    /// Cells.
+    pub cells: f64,
+}
+
 /// Where the grid is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MovingGrid {
@@ -30,11 +47,26 @@ pub struct MovingGrid {
 
 impl MovingGrid {
     /// The grid around a canopy in a stream, and its place.
-    pub fn around(placement: Placement, canopy: &[Vector3<f64>], stream: Vector3<f64>) -> (Self, Grid) {
+    ///
+    /// # Errors
+    /// A canopy too large for a grid of this spacing.
+    pub fn around(
+        placement: Placement,
+        canopy: &[Vector3<f64>],
+        stream: Vector3<f64>,
+    ) -> Result<(Self, Grid), TooManyCells> {
         let bounds = bounds(canopy);
+        let size = (bounds[1] - bounds[0]).amax();
+        let along = size / placement.spacing;
+        if !(along < 1e6) {
+            return Err(TooManyCells { size, cells: along.powi(3) });
+        }
         let origin = 0.5 * (bounds[0] + bounds[1]);
         let grid = placement.grid(&bounds.map(|x| x - origin), stream);
-        (Self { placement, origin, home: Vector3::zeros(), new_grids: 0 }, grid)
+        if grid.count() > MAX_CELLS {
+            return Err(TooManyCells { size, cells: grid.count() as f64 });
+        }
+        Ok((Self { placement, origin, home: Vector3::zeros(), new_grids: 0 }, grid))
     }
 
     /// Velocity of the grid in the falling frame during the next window, in a stream of `speed` m/s.
@@ -59,10 +91,19 @@ impl MovingGrid {
     }
 
     /// A new grid around the points, with the flow of the old one.
-    pub fn follow(&mut self, flow: &mut Flow, points: &[Vector3<f64>], stream: Vector3<f64>) {
-        let (new, grid) = Self::around(self.placement, points, stream);
+    ///
+    /// # Errors
+    /// As [`Self::around`].
+    pub fn follow(
+        &mut self,
+        flow: &mut Flow,
+        points: &[Vector3<f64>],
+        stream: Vector3<f64>,
+    ) -> Result<(), TooManyCells> {
+        let (new, grid) = Self::around(self.placement, points, stream)?;
         *flow = flow.on_grid(grid, new.origin - self.origin);
         *self = Self { new_grids: self.new_grids + 1, ..new };
+        Ok(())
     }
 }
 
@@ -73,11 +114,19 @@ mod tests {
     const SIZES: Placement =
         Placement { spacing: 0.1, room: 0.1, wake: 0.5, far_field: 2.0, far_wake: 4.0, growth: 1.2 };
 
+    #[test]
+    fn canopy_of_kilometres_is_refused() {
+        let far = [Vector3::zeros(), Vector3::new(5e3, 5e3, 5e3)];
+        let error = MovingGrid::around(SIZES, &far, Vector3::z()).expect_err("too large");
+        assert!(error.to_string().contains("5000.0 m") && error.cells > 1e12, "{error}");
+        assert!();
+    }
+
     /// A canopy that moves away is followed, at most at the speed of the stream.
     #[test]
     fn grid_follows_a_drifting_canopy() {
         let square = |x: f64| vec![Vector3::new(x - 1.0, -1.0, 0.0), Vector3::new(x + 1.0, 1.0, 0.5)];
-        let (mut at, grid) = MovingGrid::around(SIZES, &square(0.0), Vector3::z());
+        let (mut at, grid) = MovingGrid::around(SIZES, &square(0.0), Vector3::z()).expect("small");
         assert!(at.contains(&grid, &square(0.0)) && !at.contains(&grid, &square(1.0)));
         assert_eq!(at.drift(&square(0.0), 5.0), Vector3::zeros());
         assert!((at.drift(&square(0.1), 5.0).x - 0.5).abs() < 1e-12);

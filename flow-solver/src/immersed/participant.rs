@@ -19,8 +19,8 @@ use super::state::{Kinematics, Saved};
 use super::step::{Cut, OpenWindow, Solution, Start};
 use crate::physics::Permeability;
 
-/// Largest residual of the constraints relative to that without pressure jumps.
-const TOLERANCE: f64 = 1e-4;
+/// Residual of the constraints relative to that without pressure jumps, in units of `flow.solver.residual_drop`.
+const TOLERANCE_OF_DROP: f64 = 1e-2;
 /// The same in units of the coupling tolerance.
 const TOLERANCE_OF_COUPLING: f64 = 0.05;
 /// Pressure jump below which the resistance of cloth is taken as constant, in units of rho U^2.
@@ -147,15 +147,16 @@ impl ImmersedParticipant {
         let sizes = placement(air.immersed.as_ref().ok_or_else(missing)?);
         let wind = scene.wind(stage, &StageTimes::completed(scene, out, stage));
         let plan = &scene.stages[stage];
+        let drop = TOLERANCE_OF_DROP * air.solver.residual_drop;
         let tolerance = match plan.kind {
-            StageKind::Coupled => TOLERANCE.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
-            _ => TOLERANCE,
+            StageKind::Coupled => drop.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
+            _ => drop,
         };
         let viscosity = air.viscosity.as_ref().map_or(0.0, |v| v.dynamic_viscosity_pa_s / air.density_kg_m3);
         let momentum = Momentum { upwind_share: air.upwind_share(), viscosity };
         let settings = Settings { density: air.density_kg_m3, far: Vector3::zeros(), momentum, tolerance };
         let stream = Vector3::from(wind.at(0.0)) - begin.frame;
-        let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream);
+        let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
         let cloth = scene.fabric.permeability.as_ref().map(|p| {
             let (a, b) = p.coefficients();
             Permeability::new(a, b)
@@ -230,7 +231,7 @@ impl ImmersedParticipant {
         let expected = super::step::predicted(&start, w.dt, self.grid.placement.spacing);
         let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
         if !self.grid.contains(&self.flow.grid, &all) {
-            self.grid.follow(&mut self.flow, &all, -relative);
+            self.grid.follow(&mut self.flow, &all, -relative).map_err(Fault::new)?;
             (self.last_cut, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
             let [x, y, z] = self.flow.grid.cells();
             println!(

@@ -160,6 +160,10 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
 
 fn refine_flow(scene: &mut Scene, _: usize, f: f64) {
     let Some(flow) = &mut scene.flow else { return };
+    if let Some(g) = &mut flow.immersed {
+        g.spacing_m /= f;
+        return;
+    }
     if let Some(b) = &mut flow.box_grid {
         b.layers_below = times(b.layers_below, f);
         b.layers_above = times(b.layers_above, f);
@@ -420,6 +424,10 @@ mod tests {
         let s = modified(&base, "window", n(2.0));
         assert_eq!((s.stages[2].window_s, s.stages[2].substeps), (2.5e-3, 5));
         assert_eq!(s.stages[2].windows(), 2 * base.stages[2].windows());
+        let immersed = scene("atps-opening");
+        let finer = modified(&immersed, "flow-grid", n(2.0));
+        let spacing = |s: &Scene| s.flow.as_ref().and_then(|f| f.immersed.as_ref()).map(|g| g.spacing_m);
+        assert_eq!(spacing(&finer), spacing(&immersed).map(|h| 0.5 * h));
         assert_eq!(modified(&base, "substeps", n(0.5)).stages[2].substeps, 5);
         assert_eq!(modified(&base, "coupling-tolerance", n(1e-4)).coupling.tolerance, 1e-4);
         assert_eq!(modified(&base, "mover-tolerance", n(1e-4)).mesh.tolerance, 1e-4);
