@@ -1,7 +1,7 @@
 //! What passes between the faces of a surface and the constraints of its cut faces: normal velocities one way, forces the other.
 //!
 //! The sum $`W_r`$ of the weights of row r by axis is that of steps: it deviates from the normal of the surface, whose force on slip has no other part.
-//! A row spreads over the surface around it by a smooth function of the distance, of [`RADIUS`] cells; face f has the share $`s_{rf}`$. With the unit
+//! A row spreads over the surface around it by a smooth function of the distance, of 1.5 cells; face f has the share $`s_{rf}`$. With the unit
 //! normal $`n_f`$, the mean velocity $`\bar v_f`$ of a face and the velocity V of the grid
 //! ```math
 //! w_{rf} = s_{rf}\, W_r \cdot n_f, \qquad

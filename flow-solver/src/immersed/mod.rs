@@ -1,7 +1,7 @@
-//! The flow around a canopy that moves through a Cartesian grid ([`case::Immersed`]): the crate [`immersed`](::immersed) as a participant.
+//! The flow around a canopy that moves through a Cartesian grid ([`case::Immersed`]): the crate `immersed` as a participant.
 //!
 //! Velocities are relative to the wind, so that a gust accelerates nothing. The grid moves with the frame and follows the canopy
-//! ([`moving_grid`]). Where the canopy cuts the grid at the end of a window follows from the windows before it, so that all solves of a
+//! (`moving_grid.rs`). Where the canopy cuts the grid at the end of a window follows from the windows before it, so that all solves of a
 //! window differ in the prescribed velocities alone, and the load is a linear function of them.
 
 mod canopy;
