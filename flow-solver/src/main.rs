@@ -86,7 +86,7 @@ fn built(
         )));
     }
     if scene.flow.as_ref().is_some_and(case::Flow::is_immersed) {
-        return Ok(Box::new(flow_solver::immersed::participant(&scene, stage, out, resume, comm)?));
+        return Ok(Box::new(flow_solver::immersed_canopy::participant(&scene, stage, out, resume, comm)?));
     }
     let setup = Setup::new(scene, stage, out)?;
     let setup = match resume {

@@ -5,7 +5,7 @@ use std::path::Path;
 use case::Scene;
 use channel::{Grid, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats};
 use comm::Comm;
-use flow_solver::immersed::{ImmersedParticipant, participant};
+use flow_solver::immersed_canopy::{ImmersedParticipant, participant};
 
 const FALL: f64 = 4.0;
 const DT: f64 = 5e-3;

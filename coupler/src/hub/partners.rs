@@ -21,7 +21,7 @@ pub(super) fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64])
     }
 }
 
-/// Response in the place of a mesh-mover where the canopy moves through the grid: its cells do not change.
+/// Response of the mesh where none runs: the canopy moves through the grid, whose cells do not change.
 fn resting_grid() -> SolverResponse {
     let mut stats = Stats::default();
     stats.values[mesh_stats::MIN_QUALITY] = 1.0;

@@ -586,7 +586,7 @@ pub const TABLE: &[Entry] = &[
         criterion: "not assessed: a numerical method",
         on: |s| s.flow.as_ref().is_some_and(case::Flow::is_immersed),
         assess: c::immersed,
-        cost: "about 0.1 us a cell and step in the place of 2 us a cell and solve; no mesh-mover",
+        cost: "about 0.1 us a cell and step instead of 2 us a cell and solve; no mesh-mover",
         needs: None,
         without: None,
         with: None,

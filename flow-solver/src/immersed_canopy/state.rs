@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use ::immersed::axis::Axis;
-use ::immersed::flow::FlowState;
-use ::immersed::grid::{End, Ends, Grid};
 use channel::Fault;
+use immersed::axis::Axis;
+use immersed::flow::FlowState;
+use immersed::grid::{End, Ends, Grid};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 

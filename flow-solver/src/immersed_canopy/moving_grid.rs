@@ -4,10 +4,10 @@
 //! distance that the middle of the canopy has from its place in the grid. Both are velocities of an inertial motion of the grid during the window, so that
 //! nothing is interpolated. Where the canopy comes near the end of the even cells, a new grid is made around it.
 
-use ::immersed::cut_faces::MARGIN;
-use ::immersed::flow::Flow;
-use ::immersed::grid::Grid;
-use ::immersed::placement::{Placement, bounds};
+use immersed::cut_faces::MARGIN;
+use immersed::flow::Flow;
+use immersed::grid::Grid;
+use immersed::placement::{Placement, bounds};
 use nalgebra::Vector3;
 
 /// Rate at which the grid closes the distance to the canopy, in speeds of the stream over extents of the canopy.

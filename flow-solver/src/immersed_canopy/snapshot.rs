@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ::immersed::flow::Flow;
 use channel::Fault;
+use immersed::flow::Flow;
 use mesh::vtk::{Series, Values, write_volume};
 use nalgebra::{Matrix3, Vector3};
 

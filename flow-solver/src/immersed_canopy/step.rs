@@ -1,9 +1,9 @@
 //! The steps of a window.
 
-use ::immersed::cut_faces::{CutFaces, OutsideCore};
-use ::immersed::face_transfer::FaceTransfer;
-use ::immersed::flow::{Flow, FlowState, PressureJumps};
-use ::immersed::grid::Grid;
+use immersed::cut_faces::{CutFaces, OutsideCore};
+use immersed::face_transfer::FaceTransfer;
+use immersed::flow::{Flow, FlowState, PressureJumps};
+use immersed::grid::Grid;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant as Clock;
 
-use ::immersed::flow::{Flow, FlowState, Settings};
-use ::immersed::momentum::Momentum;
-use ::immersed::placement::Placement;
 use case::{Role, Scene, StageKind, StageTimes, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
+use immersed::flow::{Flow, FlowState, Settings};
+use immersed::momentum::Momentum;
+use immersed::placement::Placement;
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
