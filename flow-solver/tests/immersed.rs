@@ -69,6 +69,7 @@ fn immersed_flow_keeps_the_contract() {
     let comm = Comm::init(None).expect("MPI");
     load_is_affine_in_the_motion(&comm);
     windows_are_repeated_from_the_accepted_state(&comm);
+    grid_moves_at_its_own_velocity(&comm);
     rejected_cuts_leave_nothing(&comm);
     saved_state_continues_bitwise(&comm);
     canopy_that_drifts_with_the_wind_feels_nothing(&comm);
@@ -125,6 +126,25 @@ fn windows_are_repeated_from_the_accepted_state(comm: &Comm) {
     let (again, _) = solve(&mut p, &window(1, 6, long), &end);
     assert!(difference(&once, &again) < 1e-3);
     assert!(p.accept(&window(2, 6, long)).is_err(), "another window than the solved one");
+}
+
+/// The grid moves at the velocity that the frame had at the start of a window. In a frame that accelerates it is left behind by the difference to the mean
+/// velocity over the window: (v_0 - v_1)/2 dt.
+fn grid_moves_at_its_own_velocity(comm: &Comm) {
+    let scene = scene("");
+    let mut p = flow(comm, &scene, None);
+    let folder = tempfile::tempdir().expect("a folder");
+    p.snapshot(0.0, folder.path()).expect("written");
+    let rest = vec![0.0; 3 * p.announce().canopy_nodes as usize];
+    let w = Window { frame_velocity: [0.0, 0.0, -FALL - 3.0], ..window(0, 0, DT) };
+    solve(&mut p, &w, &rest);
+    p.accept(&w).expect("accepted");
+    p.snapshot(DT, folder.path()).expect("written");
+    let [before, after] = ["flow/flow_00000_0.vtu", "flow/flow_00001_0.vtu"].map(|name| {
+        mesh::vtk::read::Piece::read(&folder.path().join(name)).unwrap_or_else(|e| panic!("{e}")).points[0]
+    });
+    let moved = after[2] - before[2];
+    assert!((moved / (1.5 * DT) - 1.0).abs() < 1e-6, "{moved}");
 }
 
 /// A window that was rejected at another length, where the canopy cut other cells, leaves nothing behind.
