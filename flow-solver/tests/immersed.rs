@@ -205,7 +205,7 @@ fn canopy_that_drifts_with_the_wind_feels_nothing(comm: &Comm) {
     }
 }
 
-/// A canopy that leaves the even cells at once gets a new grid, and the flow goes on.
+/// A canopy that leaves the even cells at once gets a new grid, and the flow stays finite.
 fn canopy_beyond_its_grid_gets_another(comm: &Comm) {
     let scene = scene("");
     let mut p = flow(comm, &scene, None);

@@ -293,7 +293,6 @@ impl Participant for ImmersedParticipant {
             channel::GUST_SHAPE,
             channel::PERTURBATION,
             "fabric.permeability",
-            "flow.viscosity",
             "coupling.adaptive",
         ];
         if self.moving {

@@ -59,11 +59,14 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
     const REMEDY: &str = "remove it, or [flow.immersed]";
-    let turbulence = flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some());
     let refused = [
         (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
         (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
-        (turbulence, "flow.viscosity.turbulence", "the immersed flow has no turbulence model"),
+        (
+            flow.viscosity.is_some(),
+            "flow.viscosity",
+            "the immersed flow slides along the fabric and has no turbulence model",
+        ),
         (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
         (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
         (flow.shear.is_some(), "flow.shear", "the immersed flow has the same wind at all heights"),
