@@ -14,6 +14,7 @@ use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
 use crate::grid::Grid;
+use crate::pockets;
 
 /// A node outside the even core of the grid, or too close to its end.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -65,6 +66,8 @@ pub struct CutFaces {
 pub const MARGIN: f64 = 3.0;
 /// Least cosine between the normals of a face that is cut at a small angle and the one whose constraint it joins.
 const SAME_SHEET: f64 = 0.3;
+/// [`FluxConstraints::leak`] at a pocket of few cells: the jump is then a few times that of a face in the open.
+const POCKET_LEAK: f64 = 0.3;
 /// Cells around a face in which that one is sought.
 const REACH: isize = 2;
 
@@ -212,6 +215,9 @@ impl CutFaces {
             of_entry.extend(members.iter().map(|(i, _)| faces[*i].clone()));
             let area = self.area / own.normal[own.axis].abs().max(0.1);
             rows.push(grid, &entries, 0.0, permeability * area);
+        }
+        for row in pockets::unresolved(grid, &rows) {
+            rows.leak[row] = POCKET_LEAK;
         }
         (self.rows, self.of_entry) = (rows, of_entry);
     }

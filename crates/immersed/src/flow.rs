@@ -119,11 +119,6 @@ fn interpolated(grid: &Grid, u: &[f64], lines: &[Interpolation; 3], cell: [usize
 /// Limit of iterations of the constraint.
 const MAX_ITERATIONS: usize = 500;
 
-/// Permeability of airtight cloth, relative to what one jump moves the air through its own faces in a step: air in a pocket that cloth encloses
-/// has no other way out when the pocket shrinks. Through airtight cloth passes 1e-5 of the stream in steady flow at a Courant number of 0.1, and 1e-4 for each cell of the radius of the cloth at an
-/// impulsive start.
-const MIN_PERMEABILITY: f64 = 1e-4;
-
 /// Velocity relative to the largest one at a cut face below which a residual is round-off.
 const ROUND_OFF: f64 = 1e-13;
 
@@ -455,7 +450,7 @@ impl<'a> Constraint<'a> {
         // The projection leaves two thirds of an impulse at a single face.
         let own = |r: usize| 0.67 * factor * rows.square(r);
         let leak =
-            (0..rows.len()).map(|r| rows.permeability[r] + MIN_PERMEABILITY * own(r)).collect::<Vec<_>>();
+            (0..rows.len()).map(|r| rows.permeability[r] + rows.leak[r] * own(r)).collect::<Vec<_>>();
         let diagonal = (0..rows.len()).map(|r| own(r) + leak[r]).collect();
         Self { flow, rows, closure, leak, diagonal, factor }
     }

@@ -4,6 +4,7 @@
 //! - [`momentum`]: convection and viscous stress,
 //! - [`poisson`]: the pressure equation,
 //! - [`cut_faces`], [`constraints`]: surfaces, and what they prescribe on the faces that they cut,
+//! - [`pockets`]: air that a surface encloses in few cells,
 //! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`flow`]: a time step.
 //!
@@ -17,5 +18,6 @@ pub mod flow;
 pub mod grid;
 pub mod momentum;
 pub mod placement;
+pub mod pockets;
 pub mod poisson;
 pub mod shapes;

@@ -9,6 +9,11 @@
 //!
 //! Pairs are found with a hash of boxes of the size of an edge, once for each step, with a
 //! margin that nodes cannot cross within it. A pair keeps its side until it is out of reach.
+//!
+//! A pair begins without force: where the node is nearer than $`h`$ when the pair is found, as edges that lie on each
+//! other in the cut, its own $`h`$ is that distance, so that no energy appears. A node that slides to the next
+//! triangle of a sheet keeps the side and the $`h`$ of its pair.
+//!
 //! The tangent holds the blocks of nodes with themselves; those between the two sheets lie
 //! outside of the matrix's pattern, and Newton's method takes more steps for it.
 
@@ -26,7 +31,12 @@ struct Pair {
     triangle: u32,
     /// On which side of it the node is.
     side: f64,
+    /// Distance that is kept, m.
+    thickness: f64,
 }
+
+/// Numbers of a saved pair.
+const NUMBERS: usize = 4;
 
 /// Contact of all membrane elements of a program of one rank.
 pub struct Contact {
@@ -38,9 +48,9 @@ pub struct Contact {
     thickness: f64,
     stiffness: f64,
     pairs: Vec<Pair>,
-    /// Pairs by node and triangle, with their side, now and at the search before.
-    known: HashMap<(u32, u32), f64>,
-    before: HashMap<(u32, u32), f64>,
+    /// Pairs of each node, now and at the search before.
+    known: HashMap<u32, Vec<Pair>>,
+    before: HashMap<u32, Vec<Pair>>,
     /// Positions at the last search, m; empty before the first.
     searched: Vec<f64>,
     cells: HashMap<[i32; 3], Vec<u32>>,
@@ -111,9 +121,26 @@ impl Contact {
     fn active<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (Pair, Vec3, [f64; 3], f64)> + 'a {
         self.pairs.iter().filter_map(move |p| {
             let (d, n, w) = project(at(x, p.node as usize), &self.corners(p.triangle as usize, x))?;
-            let gap = self.thickness - p.side * d;
+            let gap = p.thickness - p.side * d;
             (gap > 0.0).then(|| (*p, n * p.side, w, gap))
         })
+    }
+
+    /// The pair of a node with a triangle at a distance of `d`; `None` out of reach. One that was there keeps its side, also where it was pressed through.
+    fn pair(&self, node: u32, t: usize, d: f64) -> Option<Pair> {
+        let triangle = t as u32;
+        let before = self.before.get(&node).map_or(&[][..], Vec::as_slice);
+        let same = before.iter().find(|p| p.triangle == triangle);
+        if d.abs() > 2.0 * self.thickness && same.is_none_or(|p| p.side * d > 0.0) {
+            return None;
+        }
+        let next = |p: &&Pair| {
+            let other = self.triangles[p.triangle as usize];
+            self.triangles[t].iter().any(|n| other.contains(n))
+        };
+        let kept = same.or_else(|| before.iter().find(next));
+        let begins = Pair { node, triangle, side: d.signum(), thickness: self.thickness.min(d.abs()) };
+        Some(kept.map_or(begins, |p| Pair { triangle, ..*p }))
     }
 
     /// Sum of the forces on nodes (N), one for each contact: their size.
@@ -160,15 +187,9 @@ impl ElementLoop for Contact {
                         let Some(list) = self.cells.get(&[i, j, k]) else { continue };
                         for &node in list.iter().filter(|n| !self.triangles[t].contains(n)) {
                             let Some((d, _, _)) = project(at(x, node as usize), &corners) else { continue };
-                            let key = (node, t as u32);
-                            // One that was there keeps its side, also where it was pressed through.
-                            let side = self.before.get(&key).copied();
-                            if d.abs() > reach && side.is_none_or(|s| s * d > 0.0) {
-                                continue;
-                            }
-                            let side = side.unwrap_or_else(|| d.signum());
-                            self.known.insert(key, side);
-                            self.pairs.push(Pair { node, triangle: key.1, side });
+                            let Some(pair) = self.pair(node, t, d) else { continue };
+                            self.known.entry(node).or_default().push(pair);
+                            self.pairs.push(pair);
                         }
                     }
                 }
@@ -176,9 +197,10 @@ impl ElementLoop for Contact {
         }
     }
 
-    /// Pairs in their order, each with node, triangle and side, then the positions at the search.
+    /// Pairs in their order, each with node, triangle, side and distance, then the positions at the search.
     fn save_state(&self) -> Vec<f64> {
-        let rows = self.pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side]);
+        let rows =
+            self.pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness]);
         std::iter::once(self.pairs.len() as f64).chain(rows).chain(self.searched.iter().copied()).collect()
     }
 
@@ -186,18 +208,23 @@ impl ElementLoop for Contact {
         let Some((count, rest)) = memory.split_first() else {
             return Err("contact has kept nothing".into());
         };
-        let pairs = index(*count, rest.len() / 3 + 1).ok_or("its pairs in contact are not there")?;
-        let (rows, searched) = rest.split_at(3 * pairs);
+        let pairs = index(*count, rest.len() / NUMBERS + 1).ok_or("its pairs in contact are not there")?;
+        let (rows, searched) = rest.split_at(NUMBERS * pairs);
         if !(searched.is_empty() || searched.len() == 3 * self.slots.len()) {
             return Err(format!("{} positions of {} nodes", searched.len(), self.slots.len()));
         }
-        let pair = |r: &[f64; 3]| {
+        let pair = |r: &[f64; NUMBERS]| {
             let (node, triangle) = (index(r[0], self.slots.len())?, index(r[1], self.triangles.len())?);
-            (r[2].abs() == 1.0).then_some(Pair { node: node as u32, triangle: triangle as u32, side: r[2] })
+            let sound = r[2].abs() == 1.0 && (0.0..=self.thickness).contains(&r[3]);
+            let pair = Pair { node: node as u32, triangle: triangle as u32, side: r[2], thickness: r[3] };
+            sound.then_some(pair)
         };
-        let pairs: Option<Vec<Pair>> = rows.as_chunks::<3>().0.iter().map(pair).collect();
+        let pairs: Option<Vec<Pair>> = rows.as_chunks::<NUMBERS>().0.iter().map(pair).collect();
         self.pairs = pairs.ok_or("a pair in contact is none of this canopy")?;
-        self.known = self.pairs.iter().map(|p| ((p.node, p.triangle), p.side)).collect();
+        self.known.clear();
+        for p in &self.pairs {
+            self.known.entry(p.node).or_default().push(*p);
+        }
         self.searched = searched.to_vec();
         Ok(())
     }
@@ -247,19 +274,22 @@ impl ElementLoop for Contact {
 mod tests {
     use super::*;
 
-    /// A triangle and a node near it, none of whose directions is an axis.
-    fn pressed(distance: f64) -> (Contact, Vec<f64>) {
+    /// A triangle and a node at a distance from it, none of whose directions is an axis.
+    fn positions(distance: f64) -> Vec<f64> {
         let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
         let area = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
         let n = area * (1.0 / area.norm());
         let foot: Vec3 =
             Vec3::from_fn(|i, _| 0.5 * corners[0][i] + 0.3 * corners[1][i] + 0.2 * corners[2][i]);
         let node: Vec3 = Vec3::from_fn(|i, _| foot[i] + distance * n[i]);
-        let x = [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat();
-        let mut contact = Contact {
-            triangles: vec![[0, 1, 2]],
-            nodes: (0..4).collect(),
-            slots: (0..4).collect(),
+        [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat()
+    }
+
+    fn contact(triangles: Vec<[u32; 3]>, nodes: u32) -> Contact {
+        Contact {
+            triangles,
+            nodes: (0..nodes).collect(),
+            slots: (0..nodes).collect(),
             thickness: 0.05,
             stiffness: 700.0,
             pairs: Vec::new(),
@@ -268,9 +298,45 @@ mod tests {
             searched: Vec::new(),
             cells: HashMap::new(),
             edge: 1.0,
-        };
+        }
+    }
+
+    /// The node came to this distance from out of contact.
+    fn pressed(distance: f64) -> (Contact, Vec<f64>) {
+        let mut contact = contact(vec![[0, 1, 2]], 4);
+        contact.find_pairs(&positions(0.09 * distance.signum()));
+        let x = positions(distance);
         contact.find_pairs(&x);
         (contact, x)
+    }
+
+    /// A node that is near when it is seen first is pressed only once it comes nearer, also where it lies on the triangle.
+    #[test]
+    fn pair_begins_without_force() {
+        for distance in [0.02, -0.03, 1e-6] {
+            let mut contact = contact(vec![[0, 1, 2]], 4);
+            let x = positions(distance);
+            contact.find_pairs(&x);
+            assert_eq!((contact.pairs.len(), contact.energy(&x)), (1, 0.0), "{distance}");
+            let nearer = positions(distance - 0.015 * distance.signum());
+            assert!((contact.pressed(&nearer) - 700.0 * 0.015).abs() < 1e-9, "{distance}");
+        }
+    }
+
+    /// A node that slides from one triangle of a sheet to the next keeps the force on it.
+    #[test]
+    fn sliding_node_keeps_side_and_distance() {
+        let sheet = |node: [f64; 3]| -> Vec<f64> {
+            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], node].concat()
+        };
+        let mut contact = contact(vec![[0, 1, 2], [1, 3, 2]], 5);
+        contact.find_pairs(&sheet([0.3, 0.3, 0.09]));
+        contact.find_pairs(&sheet([0.3, 0.3, -0.01]));
+        let there = sheet([0.7, 0.7, -0.01]);
+        contact.find_pairs(&there);
+        let pairs: Vec<_> = contact.pairs.iter().map(|p| (p.triangle, p.side, p.thickness)).collect();
+        assert_eq!(pairs, [(1, 1.0, 0.05)]);
+        assert!((contact.pressed(&there) - 700.0 * 0.06).abs() < 1e-10);
     }
 
     fn forces(contact: &Contact, x: &[f64]) -> Vec<f64> {
@@ -325,10 +391,9 @@ mod tests {
         for step in 0..40 {
             let shift = 0.173 * f64::from(step) - 3.0;
             for (distance, near) in [(0.09, true), (-0.09, true), (0.104, false), (-0.104, false)] {
-                let (mut contact, x) = pressed(distance);
+                let mut contact = contact(vec![[0, 1, 2]], 4);
                 contact.edge = 0.3;
-                let x: Vec<f64> = x.iter().map(|x| x + shift).collect();
-                contact.restore_state(&[0.0]).expect("nothing kept");
+                let x: Vec<f64> = positions(distance).iter().map(|x| x + shift).collect();
                 contact.find_pairs(&x);
                 assert_eq!(contact.pairs.len(), usize::from(near), "{shift} {distance}");
                 assert!(contact.pairs.iter().all(|p| p.side == distance.signum() && p.node == 3));
@@ -347,16 +412,16 @@ mod tests {
         assert_eq!(contact.searched, x);
         contact.find_pairs(&more);
         assert_eq!(contact.searched, more);
-        let (_, through) = pressed(-0.03);
+        let through = positions(-0.03);
         contact.find_pairs(&through);
         assert_eq!(contact.searched, through);
         assert!(contact.pairs.len() == 1 && contact.pairs[0].side == 1.0, "{:?}", contact.pairs);
         assert!((contact.pressed(&through) - 700.0 * 0.08).abs() < 1e-10);
         // Far behind it is still the same pair; far in front it is none.
-        let (_, deep) = pressed(-0.3);
+        let deep = positions(-0.3);
         contact.find_pairs(&deep);
         assert_eq!(contact.pairs.len(), 1);
-        let (_, away) = pressed(0.3);
+        let away = positions(0.3);
         contact.find_pairs(&away);
         assert!(contact.pairs.is_empty());
     }

@@ -23,6 +23,9 @@ use crate::schemes::window::state::WindowState;
 /// Largest number of structure solves against the surrogate between two flow solves.
 const MAX_SOLVES: usize = 25;
 
+/// Largest pressure of the surrogate, relative to the largest one of the flow in the last window and this one.
+const MOST_PRESSURE: f64 = 10.0;
+
 /// Number of window ends in the history: the highest order of extrapolation, plus one to select the order.
 const ENDS: usize = MAX_ORDER + 2;
 
@@ -92,6 +95,7 @@ impl InnerSolve {
         let mut best = f64::INFINITY;
         for count in 1..=MAX_SOLVES {
             self.predict_response(state.window.dt, about);
+            self.bound_response(state);
             self.solve_structure(state, solvers)?;
             let residual = solvers.criterion.relative_residual(&self.x, &self.x_tilde, &state.start);
             if residual < best {
@@ -122,6 +126,18 @@ impl InnerSolve {
             self.model.apply_correction(&change, &mut self.response);
         }
         self.response.iter_mut().zip(&self.defect).for_each(|(a, r)| *a += r);
+    }
+
+    /// Bounds the pressures by a multiple of the largest one that the flow gave: those of a surrogate far from its canopy would tear the structure.
+    /// No window is accepted under them.
+    fn bound_response(&mut self, state: &WindowState) {
+        let known = state.interface.load.iter().chain((state.report.iterations > 0).then_some(&state.end.load));
+        let largest = known.flatten().fold(0.0f64, |most, p| most.max(p.abs()));
+        if largest > 0.0 {
+            let most = MOST_PRESSURE * largest;
+            let faces = self.response.len() - 1;
+            self.response[..faces].iter_mut().for_each(|p| *p = p.clamp(-most, most));
+        }
     }
 
     /// Structure and descent under the surrogate's response.

@@ -55,6 +55,13 @@ impl PanelGroups {
         self.short_wave_length.len()
     }
 
+    /// Areas of the groups, m2, from the area vectors of the faces.
+    pub fn areas(&self, faces: &[Vec3]) -> Vec<f64> {
+        let mut sums = vec![0.0; self.len()];
+        self.of.iter().zip(faces).for_each(|(&g, a)| sums[g as usize] += a.norm());
+        sums
+    }
+
     /// Means over the groups, by area.
     pub fn means(&self, values: &[f64]) -> Vec<f64> {
         let mut means = vec![0.0; self.len()];

@@ -86,6 +86,7 @@ impl VortexLattice {
                 influence[(g as usize, j)] += groups.share[f] * velocity;
             }
         }
+        let influence = super::definite::definite(influence, &groups.areas(&areas));
         Some(Self { positions, screening, areas, normals, groups, influence })
     }
 }
