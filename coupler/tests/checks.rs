@@ -19,6 +19,16 @@ const CASES: &[(&str, &[&str])] = &[
     ("atps-descent/five-seconds.toml", &["fabric.strain"]),
     ("atps-descent/scene.toml", &["fabric.strain"]),
     ("atps-descent/tapes.toml", &["fabric.strain"]),
+    (
+        "atps-gathered/scene.toml",
+        &[
+            "descent.drag-coefficient",
+            "descent.initial-speed",
+            "descent.pressure",
+            "fabric.strain",
+            "stages.force",
+        ],
+    ),
     ("atps-inflation/scene.toml", &["fabric.strain", "flow.cells-across", "stage.damping"]),
     ("atps-opening/scene.toml", &["descent.drag-coefficient", "fabric.strain"]),
     ("atps-paper-scale/descent.toml", &["fabric.strain"]),
@@ -205,6 +215,12 @@ fn what_cannot_be_right_or_is_far_from_any_parachute_is_said() {
             LARGE,
             "warning fabric.mass-ratio",
             "of the added mass of the air",
+        ),
+        (
+            ("[descent]", "[fabric.contact]\ndistance_m = 0.01\n\n[descent]"),
+            LARGE,
+            "warning flow.method",
+            "canopy with fabric.contact",
         ),
         (
             ("residual_drop = 1e-3\n", "residual_drop = 1e-3\n\n[flow.viscosity]\n"),

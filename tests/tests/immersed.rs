@@ -117,7 +117,7 @@ fn gathered_canopy_is_released() {
             ("draw_in_s = 1.0", "draw_in_s = 0.7"),
             ("duration_s = 2.0", "duration_s = 1.0"),
             ("duration_s = 0.4", "duration_s = 0.2"),
-            ("duration_s = 8.0", "duration_s = 0.3"),
+            ("duration_s = 6.0", "duration_s = 0.3"),
             ("window_s = 2e-3", "window_s = 4e-3"),
         ],
     );

@@ -32,6 +32,18 @@ pub const CHECKS: &[Check] = &[
         when: When::Before(cells_across),
     },
     Check {
+        id: "flow.method",
+        what: "the grid can follow the shapes that the scene asks for",
+        estimate: "fitted grid or immersed canopy; [fabric.contact] and [[reefing]] announce folds and layers that touch. Not assessed: whether \
+                   fabric folds during the run, and the accuracy of either method in this scene",
+        range: "warning for a fitted grid around a canopy with contact or reefing",
+        source: "docs/how-to/choose-the-flow-method.md: a fitted grid ends where fabric folds, vents close or layers touch; the immersed flow has no \
+                 friction, no turbulence model and one rank",
+        severity: Warning,
+        remedy: "replace [flow.grid] by [flow.immersed] with spacing_m, or let the structure open the canopy in a stage before the flow",
+        when: When::Before(method),
+    },
+    Check {
         id: "flow.first-layer",
         what: "the aspect ratio of cells at the canopy is at most 1",
         estimate: "thickness of the first layer over the cell edge along the canopy, and over the width of the canopy",
@@ -151,6 +163,25 @@ fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
         found.push(Judged::new(severity, "flow.immersed.spacing_m", figure));
     }
     found
+}
+
+fn method(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(flow) = f.scene.flow.as_ref().filter(|_| f.is_parachute()) else { return Vec::new() };
+    let contact = f.scene.fabric.contact.is_some().then_some("fabric.contact");
+    let folds: Vec<&str> =
+        contact.into_iter().chain((!f.scene.reefing.is_empty()).then_some("reefing")).collect();
+    if flow.is_immersed() {
+        let follows = "an immersed canopy: folds, closed vents and layers that touch are followed; no friction on the fabric, no turbulence model";
+        return vec![Judged::new(Note, "flow.immersed", follows)];
+    }
+    if folds.is_empty() || !f.scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
+        return Vec::new();
+    }
+    let figure = format!(
+        "a fitted grid around a canopy with {}: it ends where fabric folds or layers touch",
+        folds.join(" and ")
+    );
+    vec![Judged::new(Warning, folds[0], figure)]
 }
 
 /// Cells of an immersed grid across a canopy below which its rim, known to half a cell, changes the area by a tenth.

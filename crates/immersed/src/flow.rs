@@ -449,8 +449,7 @@ impl<'a> Constraint<'a> {
         let factor = flow.dt / flow.settings.density / volume;
         // The projection leaves two thirds of an impulse at a single face.
         let own = |r: usize| 0.67 * factor * rows.square(r);
-        let leak =
-            (0..rows.len()).map(|r| rows.permeability[r] + rows.leak[r] * own(r)).collect::<Vec<_>>();
+        let leak = (0..rows.len()).map(|r| rows.permeability[r] + rows.leak[r] * own(r)).collect::<Vec<_>>();
         let diagonal = (0..rows.len()).map(|r| own(r) + leak[r]).collect();
         Self { flow, rows, closure, leak, diagonal, factor }
     }

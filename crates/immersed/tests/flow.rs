@@ -249,7 +249,8 @@ fn crumpled(count: u64) {
                 "disk {seed}, step {step}: residual {:e}, {largest} m/s",
                 jumps.residual
             );
-            let jump = jumps.jump.iter().fold(0.0, |m: f64, j| if j.is_nan() { f64::NAN } else { m.max(j.abs()) });
+            let jump =
+                jumps.jump.iter().fold(0.0, |m: f64, j| if j.is_nan() { f64::NAN } else { m.max(j.abs()) });
             most = most.max(jump / pressure);
             assert!(jump < 30.0 * pressure, "disk {seed}, step {step}: {jump} Pa");
         }

@@ -131,7 +131,8 @@ impl InnerSolve {
     /// Bounds the pressures by a multiple of the largest one that the flow gave: those of a surrogate far from its canopy would tear the structure.
     /// No window is accepted under them.
     fn bound_response(&mut self, state: &WindowState) {
-        let known = state.interface.load.iter().chain((state.report.iterations > 0).then_some(&state.end.load));
+        let known =
+            state.interface.load.iter().chain((state.report.iterations > 0).then_some(&state.end.load));
         let largest = known.flatten().fold(0.0f64, |most, p| most.max(p.abs()));
         if largest > 0.0 {
             let most = MOST_PRESSURE * largest;

@@ -42,8 +42,8 @@ mod tests {
         symmetric.self_adjoint_eigenvalues(Side::Lower).expect("finite")
     }
 
-    /// A plate keeps its matrix to the bit. Folded in two, with a distance of a tenth of a face between the halves that do not lie face on face, it
-    /// would have negative eigenvalues; the lattice has none, and keeps the added mass of the plate that both halves are together to 30 %.
+    /// A plate keeps its matrix to the bit. Folded in two, with a tenth of a face between halves that do not lie face on face, it would have an
+    /// eigenvalue of -9 / m; the lattice has none below the bound.
     #[test]
     fn folded_plate_has_a_definite_matrix() {
         let n = 12;
