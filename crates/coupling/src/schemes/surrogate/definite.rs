@@ -42,7 +42,7 @@ mod tests {
         symmetric.self_adjoint_eigenvalues(Side::Lower).expect("finite")
     }
 
-    /// A plate keeps its matrix to the bit. Folded in two, with a tenth of a face between halves that do not lie face on face, it would have an
+    /// The matrix of a plate stays bitwise the same. Folded in two, with a tenth of a face between halves that do not lie face on face, it would have an
     /// eigenvalue of -9 / m; the lattice has none below the bound.
     #[test]
     fn folded_plate_has_a_definite_matrix() {
