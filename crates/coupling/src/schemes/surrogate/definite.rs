@@ -11,13 +11,20 @@ use nalgebra::DMatrix;
 /// Least eigenvalue times the root of the canopy's area. A square plate of side a has 1.6 / a in translation, the open ATPS 1.7, closed vents 0.5.
 const LEAST: f64 = 0.4;
 
+/// Area of a group that scales its row and column, relative to that of the canopy, at least: collapsed faces have none.
+const LEAST_SHARE: f64 = 1e-9;
+
 /// `influence` (1/m) between groups of these `areas` (m2); where its symmetric part is not positive definite, one that is symmetric and definite.
 pub(super) fn definite(influence: DMatrix<f64>, areas: &[f64]) -> DMatrix<f64> {
     let n = areas.len();
-    let root: Vec<f64> = areas.iter().map(|a| a.sqrt().max(f64::MIN_POSITIVE)).collect();
+    let total: f64 = areas.iter().sum();
+    let root: Vec<f64> = areas.iter().map(|a| a.max(LEAST_SHARE * total).sqrt()).collect();
+    if !influence.iter().chain(&root).all(|v| v.is_finite()) || total <= 0.0 {
+        return influence;
+    }
     let scaled = |i: usize, j: usize| influence[(i, j)] * root[i] / root[j];
     let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (scaled(i, j) + scaled(j, i)));
-    let least = LEAST / areas.iter().sum::<f64>().sqrt();
+    let least = LEAST / total.sqrt();
     let shifted = Mat::from_fn(n, n, |i, j| symmetric[(i, j)] - if i == j { least } else { 0.0 });
     if shifted.llt(Side::Lower).is_ok() {
         return influence;
@@ -62,5 +69,15 @@ mod tests {
         let values = eigenvalues(&lattice.influence, &areas);
         let least = LEAST / areas.iter().sum::<f64>().sqrt();
         assert!(values[0] > 0.999 * least, "{}", values[0]);
+    }
+
+    /// A collapsed face gives a finite matrix, and one that is not finite is not touched.
+    #[test]
+    fn faces_without_area_and_matrices_without_numbers_end_nothing() {
+        let mut influence = DMatrix::from_fn(3, 3, |i, j| if i == j { 1.0 } else { -0.9 });
+        let found = definite(influence.clone(), &[1.0, 0.0, 1.0]);
+        assert!(found.iter().all(|v| v.is_finite()) && found != influence);
+        influence[(0, 1)] = f64::NAN;
+        assert!(definite(influence, &[1.0, 0.0, 1.0])[(0, 1)].is_nan());
     }
 }
