@@ -126,7 +126,7 @@ fn gathered_canopy_is_released() {
     let history = History::read(&out, "inflation");
     // Where the load of a fold jumps with the cut, an iteration may stagnate above the tolerance, within the limit of acceptance.
     let unconverged = history.column("coupling_converged").iter().filter(|c| **c != 1.0).count();
-    assert!(unconverged <= history.len() / 20, "{unconverged} of {}", history.len());
+    assert!(unconverged <= 1, "{unconverged} of {}", history.len());
     let last = |name: &str| *history.column(name).last().expect("rows");
     let area = history.column("projected_area_m2");
     println!(
@@ -138,5 +138,5 @@ fn gathered_canopy_is_released() {
     );
     assert!(last("interface_energy_error_share").abs() < 2e-3);
     // Gathered, then opened by the stream.
-    assert!(area[0] < 40.0 && last("projected_area_m2") > 46.0, "{area:?}");
+    assert!((31.0..34.0).contains(&area[0]) && last("projected_area_m2") > 52.0, "{area:?}");
 }

@@ -171,7 +171,14 @@ fn method(f: &Facts<'_>) -> Vec<Judged> {
     let folds: Vec<&str> =
         contact.into_iter().chain((!f.scene.reefing.is_empty()).then_some("reefing")).collect();
     if flow.is_immersed() {
-        let follows = "an immersed canopy: folds, closed vents and layers that touch are followed; no friction on the fabric, no turbulence model";
+        let layers = if contact.is_some() {
+            "layers that touch"
+        } else {
+            "layers that pass through each other without [fabric.contact]"
+        };
+        let follows = format!(
+            "an immersed canopy: folds, closed vents and {layers} are followed; no friction on the fabric, no turbulence model"
+        );
         return vec![Judged::new(Note, "flow.immersed", follows)];
     }
     if folds.is_empty() || !f.scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {

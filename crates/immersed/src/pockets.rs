@@ -169,7 +169,8 @@ mod tests {
             jumps.jump.iter().fold(0.0f64, |most, p| most.max(p.abs())) / (density * speed * 0.05 / dt)
         };
         let (pocket, resolved) = (largest(0.09), largest(0.15));
-        assert!(pocket > 1.0 && pocket < 10.0, "{pocket}");
+        println!("pocket {pocket:.2}, resolved {resolved:.0}");
+        assert!(pocket > 2.0 && pocket < 4.5, "{pocket}");
         assert!(resolved > 1e3, "{resolved}");
     }
 }

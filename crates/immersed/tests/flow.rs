@@ -252,7 +252,7 @@ fn crumpled(count: u64) {
             let jump =
                 jumps.jump.iter().fold(0.0, |m: f64, j| if j.is_nan() { f64::NAN } else { m.max(j.abs()) });
             most = most.max(jump / pressure);
-            assert!(jump < 30.0 * pressure, "disk {seed}, step {step}: {jump} Pa");
+            assert!(jump < 15.0 * pressure, "disk {seed}, step {step}: {jump} Pa");
         }
     }
     println!("largest jump, of a velocity that ends within a cell: {most:.1}");
