@@ -9,6 +9,8 @@ use flow_solver::immersed_canopy::{ImmersedParticipant, participant};
 
 const FALL: f64 = 4.0;
 const DT: f64 = 5e-3;
+/// Air of a kinematic viscosity of 0.04 m2/s at the density of the scene.
+const VISCOUS: &str = "[flow.viscosity]\ndynamic_viscosity_pa_s = 0.05";
 
 /// The flat square of 2 m released from its cut in one coupled stage.
 fn scene(more: &str) -> Scene {
@@ -73,6 +75,7 @@ fn immersed_flow_keeps_the_contract() {
     rejected_cuts_leave_nothing(&comm);
     saved_state_continues_bitwise(&comm);
     canopy_that_drifts_with_the_wind_feels_nothing(&comm);
+    viscous_air_resists_a_canopy_that_slides(&comm);
     canopy_beyond_its_grid_gets_another(&comm);
     cloth_lets_air_pass(&comm);
     damaged_state_is_refused(&comm);
@@ -80,14 +83,19 @@ fn immersed_flow_keeps_the_contract() {
 
 /// All solves of a window have one map from motion to load, and it is affine: what quasi-Newton methods converge on.
 fn load_is_affine_in_the_motion(comm: &Comm) {
-    let scene = scene("");
-    let mut p = flow(comm, &scene, None);
+    for viscosity in ["", VISCOUS] {
+        load_is_affine(comm, &scene(viscosity));
+    }
+}
+
+fn load_is_affine(comm: &Comm, scene: &Scene) {
+    let mut p = flow(comm, scene, None);
     for k in 0..3 {
-        let d = motion(&p, &scene, (k + 1) as f64 * DT);
+        let d = motion(&p, scene, (k + 1) as f64 * DT);
         solve(&mut p, &window(k, 0, DT), &d);
         p.accept(&window(k, 0, DT)).expect("accepted");
     }
-    let [a, b] = [3.7 * DT, 4.6 * DT].map(|t| motion(&p, &scene, t));
+    let [a, b] = [3.7 * DT, 4.6 * DT].map(|t| motion(&p, scene, t));
     let middle: Vec<f64> = a.iter().zip(&b).map(|(a, b)| 0.5 * (a + b)).collect();
     let loads: Vec<Vec<f64>> = [&a, &middle, &b]
         .iter()
@@ -169,11 +177,16 @@ fn rejected_cuts_leave_nothing(comm: &Comm) {
 }
 
 fn saved_state_continues_bitwise(comm: &Comm) {
-    let scene = scene("");
+    for viscosity in ["", VISCOUS] {
+        resumed_run_is_bitwise_identical(comm, &scene(viscosity));
+    }
+}
+
+fn resumed_run_is_bitwise_identical(comm: &Comm, scene: &Scene) {
     let folder = tempfile::tempdir().expect("a folder");
-    let mut p = flow(comm, &scene, None);
+    let mut p = flow(comm, scene, None);
     let advance = |p: &mut ImmersedParticipant, k: u64| {
-        let d = motion(p, &scene, (k + 1) as f64 * DT);
+        let d = motion(p, scene, (k + 1) as f64 * DT);
         let load = solve(p, &window(k, 0, DT), &d).0;
         p.accept(&window(k, 0, DT)).expect("accepted");
         load
@@ -181,21 +194,32 @@ fn saved_state_continues_bitwise(comm: &Comm) {
     (0..3).for_each(|k| drop(advance(&mut p, k)));
     p.save(folder.path()).expect("saved");
     let straight: Vec<_> = (3..6).map(|k| advance(&mut p, k)).collect();
-    let mut q = flow(comm, &scene, Some(folder.path()));
+    let mut q = flow(comm, scene, Some(folder.path()));
     let resumed: Vec<_> = (3..6).map(|k| advance(&mut q, k)).collect();
     assert!(straight == resumed, "a resumed run differs");
 }
 
 /// Wind, fall and drift of the canopy cancel: no motion relative to the air, no load, whatever the grid does.
 fn canopy_that_drifts_with_the_wind_feels_nothing(comm: &Comm) {
-    let scene = scene("wind_m_s = [3.0, 1.0, -4.0]");
-    let mut p = flow(comm, &scene, None);
+    // Friction acts at the accepted velocity, which is zero before the first window.
+    for (drift, viscosity) in [([3.0, 1.0], ""), ([0.0, 0.0], VISCOUS)] {
+        let [x, y] = drift;
+        drifting_canopy_has_no_load(
+            comm,
+            &scene(&format!("wind_m_s = [{x:?}, {y:?}, -4.0]\n{viscosity}")),
+            drift,
+        );
+    }
+}
+
+fn drifting_canopy_has_no_load(comm: &Comm, scene: &Scene, [x, y]: [f64; 2]) {
+    let mut p = flow(comm, scene, None);
     let nodes = p.announce().canopy_nodes as usize;
     for k in 0..20 {
         let t = (k + 1) as f64 * DT;
         let (load, _) = {
             let mut load = vec![f64::NAN; p.output_rows().len() * LOAD_WIDTH];
-            let d = [3.0 * t, t, 0.0].repeat(nodes);
+            let d = [x * t, y * t, 0.0].repeat(nodes);
             let input = Input { canopy: &d, grid: Grid::default() };
             let stats = p.advance(&window(k, 0, DT), &input, &mut load).expect("solved");
             (load, stats)
@@ -203,6 +227,34 @@ fn canopy_that_drifts_with_the_wind_feels_nothing(comm: &Comm) {
         assert!(norm(&load) < 1e-9, "window {k}: {}", norm(&load));
         p.accept(&window(k, 0, DT)).expect("accepted");
     }
+}
+
+/// A flat square that moves along itself in still, very viscous air has the friction of the layer of Stokes' first problem on both sides,
+/// F = 2 A rho sqrt(nu / (pi t)) U, and more by its edges: 1.8 times that with a layer of two cells, a sixth of the side; without viscosity it has no force.
+fn viscous_air_resists_a_canopy_that_slides(comm: &Comm) {
+    let scene_viscosity = 0.49;
+    let drag = |viscosity: &str| {
+        let scene = scene(viscosity);
+        let mut p = flow(comm, &scene, None);
+        let nodes = p.announce().canopy_nodes as usize;
+        let mut last = (0.0, Vec::new());
+        for k in 0..60 {
+            let d = [(k + 1) as f64 * DT, 0.0, 0.0].repeat(nodes);
+            let w = Window { frame_velocity: [0.0; 3], ..window(k, 0, DT) };
+            let (load, stats) = solve(&mut p, &w, &d);
+            last = (stats.values[flow_stats::FORCE], load);
+            p.accept(&w).expect("accepted");
+        }
+        last
+    };
+    let [(slip, _), (no_slip, load)] =
+        ["", &format!("[flow.viscosity]\ndynamic_viscosity_pa_s = {scene_viscosity}")].map(drag);
+    let density = 1.225;
+    let layer = -2.0 * 4.0 * f64::sqrt(density * scene_viscosity / (std::f64::consts::PI * 60.0 * DT));
+    println!("friction {no_slip:.3} N, of a layer {layer:.3} N, without viscosity {slip:.1e} N");
+    assert!(slip.abs() < 1e-9 && (1.2..2.2).contains(&(no_slip / layer)), "{slip} {no_slip} {layer}");
+    let traction: f64 = load.chunks_exact(LOAD_WIDTH).map(|row| row[1]).sum();
+    assert!(traction < 0.0, "traction along the motion: {traction}");
 }
 
 /// A canopy that leaves the even cells at once gets a new grid, and the flow stays finite.

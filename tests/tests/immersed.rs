@@ -91,7 +91,7 @@ fn immersed_and_fitted_grids_agree() {
 fn effects_without_support_are_refused() {
     for (more, key) in [
         ("[flow.energy]\n", "energy"),
-        ("[flow.viscosity]\nturbulence = \"wale\"\n", "slides along the fabric"),
+        ("[flow.viscosity]\nturbulence = \"wale\"\n", "no turbulence model"),
         ("[ranks]\nflow = 2\n", "one rank"),
         ("[flow.shear]\nheight_m = 100.0\n", "shear"),
     ] {

@@ -37,8 +37,8 @@ pub const CHECKS: &[Check] = &[
         estimate: "fitted grid or immersed canopy; [fabric.contact] and [[reefing]] announce folds and layers that touch. Not assessed: whether \
                    fabric folds during the run, and the accuracy of either method in this scene",
         range: "warning for a fitted grid around a canopy with contact or reefing",
-        source: "docs/how-to/choose-the-flow-method.md: a fitted grid ends where fabric folds, vents close or layers touch; the immersed flow has no \
-                 friction, no turbulence model and one rank",
+        source: "docs/how-to/choose-the-flow-method.md: a fitted grid ends where fabric folds, vents close or layers touch; the immersed flow has \
+                 laminar friction only, no turbulence model and one rank",
         severity: Warning,
         remedy: "replace [flow.grid] by [flow.immersed] with spacing_m, or let the structure open the canopy in a stage before the flow",
         when: When::Before(method),
@@ -176,8 +176,13 @@ fn method(f: &Facts<'_>) -> Vec<Judged> {
         } else {
             "layers that pass through each other without [fabric.contact]"
         };
+        let friction = if flow.viscosity.is_some() {
+            "laminar friction on the fabric"
+        } else {
+            "no friction on the fabric without [flow.viscosity]"
+        };
         let follows = format!(
-            "an immersed canopy: folds, closed vents and {layers} are followed; no friction on the fabric, no turbulence model"
+            "an immersed canopy: folds, closed vents and {layers} are followed; {friction}, no turbulence model"
         );
         return vec![Judged::new(Note, "flow.immersed", follows)];
     }

@@ -6,14 +6,14 @@
 //!
 //! A constraint belongs to the column of a face that the surface cuts at the largest angle (the dominant one), and to the faces next to it that it cuts at a smaller
 //! angle: the flux through all of them together is that of the surface, and its unknown is one pressure jump. This is the normal
-//! velocity and the normal force of the surface; along it the air slides.
+//! velocity and the normal force of the surface; along it the air slides, unless friction acts (`friction.rs`).
 
 use std::collections::HashMap;
 
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
-use crate::grid::Grid;
+use crate::grid::{Ends, Grid};
 use crate::pockets;
 
 /// A node outside the even core of the grid, or too close to its end.
@@ -47,6 +47,8 @@ pub struct Crossing {
     pub shares: [f64; 3],
     /// Unit normal of the triangle.
     pub normal: Vector3<f64>,
+    /// Distance from the crossing to the value above it on the line, in cells.
+    pub to_upper: f64,
 }
 
 /// Cut faces of a surface with their constraints.
@@ -99,11 +101,11 @@ struct Triangle {
 }
 
 impl Triangle {
-    /// Crossings with the lines along `axis` through the centres of cells; `start`: first cell of the core.
-    fn crossings(&self, axis: usize, start: [usize; 3], mut found: impl FnMut(Crossing)) {
+    /// Crossings with the lines along `axis` through values that lie at `place` of their cells, in cells; `start`: first cell of the core.
+    fn crossings(&self, axis: usize, place: [f64; 3], start: [usize; 3], mut found: impl FnMut(Crossing)) {
         let Self { number, nodes, x, normal } = self;
         let [a, b] = [(axis + 1) % 3, (axis + 2) % 3];
-        let flat = x.map(|x| [x[a] - 0.5, x[b] - 0.5]);
+        let flat = x.map(|x| [x[a] - place[a], x[b] - place[b]]);
         let range = |c: usize| {
             let (low, high) = flat.iter().fold((f64::MAX, f64::MIN), |(l, h), p| (l.min(p[c]), h.max(p[c])));
             low.ceil() as isize..=high.floor() as isize
@@ -127,19 +129,71 @@ impl Triangle {
                 }
                 let shares = shares.map(|s| s / sum);
                 let along: f64 = shares.iter().zip(x).map(|(s, x)| s * x[axis]).sum();
-                let above = (along - 0.5).ceil();
+                let above = (along - place[axis]).ceil();
+                let to_upper = above - (along - place[axis]);
+                // Outside of a periodic axis the position wraps to one that no cell has.
+                let cell_at = |d: usize, i: isize| start[d].wrapping_add_signed(i);
                 let mut cell = [0; 3];
                 (cell[a], cell[b], cell[axis]) =
-                    (start[a] + p as usize, start[b] + q as usize, start[axis] + above as usize);
-                found(Crossing { axis, cell, triangle: *number, shares, normal: *normal });
+                    (cell_at(a, p), cell_at(b, q), cell_at(axis, above as isize));
+                found(Crossing { axis, cell, triangle: *number, shares, normal: *normal, to_upper });
             }
         }
     }
 }
 
+/// Finds where triangles cross the lines of a grid.
+pub(crate) struct Rasteriser<'a> {
+    grid: &'a Grid,
+    triangles: Vec<Triangle>,
+}
+
+impl<'a> Rasteriser<'a> {
+    /// For the triangles `faces` of nodes at `positions`, m.
+    pub fn new(grid: &'a Grid, positions: &[Vector3<f64>], faces: &[[u32; 3]]) -> Result<Self, OutsideCore> {
+        let scaled = scaled_positions(grid, positions)?;
+        let triangle = |(number, nodes): (usize, &[u32; 3])| {
+            let x = nodes.map(|n| scaled[n as usize]);
+            let normal = (x[1] - x[0]).cross(&(x[2] - x[0])).try_normalize(1e-14)?;
+            Some(Triangle { number, nodes: *nodes, x, normal })
+        };
+        Ok(Self { grid, triangles: faces.iter().enumerate().filter_map(triangle).collect() })
+    }
+
+    /// Crossings with the lines along all axes through the centres of the cells.
+    pub fn of_cells(&self) -> Vec<Crossing> {
+        self.lines(&[0, 1, 2], [0.5; 3])
+    }
+
+    /// Crossings with the lines along `axis` through the values of component `c`; the cell is that of the value above.
+    pub fn of_component(&self, c: usize, axis: usize) -> Vec<Crossing> {
+        let mut place = [0.5; 3];
+        place[c] = 0.0;
+        self.lines(&[axis], place)
+    }
+
+    fn lines(&self, axes: &[usize], place: [f64; 3]) -> Vec<Crossing> {
+        let start = [0, 1, 2].map(|d| self.grid.axes[d].core.start);
+        let cells = self.grid.cells();
+        // A surface may extend beyond the ends of a periodic axis.
+        let in_grid = |c: &Crossing| (0..3).all(|d| c.cell[d] < cells[d]) && c.cell[c.axis] > 0;
+        let mut crossings = Vec::new();
+        for triangle in &self.triangles {
+            for axis in axes {
+                triangle.crossings(*axis, place, start, |c| {
+                    if in_grid(&c) {
+                        crossings.push(c);
+                    }
+                });
+            }
+        }
+        crossings
+    }
+}
+
 impl CutFaces {
     /// Of the triangles `faces` of nodes at `positions` (m, in the frame of the grid) on a grid with cubes in its core; `permeability` of
-    /// the cloth, m/(s Pa).
+    /// the cloth, m/(s Pa). Along a periodic axis of even cells the surface may extend beyond both ends, parallel to the axis there.
     ///
     /// # Errors
     /// A node is not at least three cells inside the core.
@@ -149,19 +203,8 @@ impl CutFaces {
         faces: &[[u32; 3]],
         permeability: f64,
     ) -> Result<Self, OutsideCore> {
-        let start = [0, 1, 2].map(|d| grid.axes[d].core.start);
         let h = grid.axes[0].spacing;
-        let scaled = scaled_positions(grid, positions)?;
-        let mut crossings = Vec::new();
-        for (number, nodes) in faces.iter().enumerate() {
-            let x = nodes.map(|n| scaled[n as usize]);
-            let area = (x[1] - x[0]).cross(&(x[2] - x[0]));
-            let Some(normal) = area.try_normalize(1e-14) else { continue };
-            let triangle = Triangle { number, nodes: *nodes, x, normal };
-            for axis in 0..3 {
-                triangle.crossings(axis, start, |c| crossings.push(c));
-            }
-        }
+        let mut crossings = Rasteriser::new(grid, positions, faces)?.of_cells();
         let key = |c: &Crossing| (grid.at(c.cell.map(|i| i as isize)), c.axis, c.triangle);
         crossings.sort_by_key(key);
         let mut cut = Self { rows: FluxConstraints::new(grid), crossings, of_entry: Vec::new(), area: h * h };
@@ -318,8 +361,11 @@ pub(crate) fn scaled_positions(
     positions: &[Vector3<f64>],
 ) -> Result<Vec<Vector3<f64>>, OutsideCore> {
     let mut scaled = Vec::with_capacity(positions.len());
+    // A surface that spans a periodic axis of even cells has no end there.
+    let ends =
+        [0, 1, 2].map(|d| grid.ends[d] != Ends::Periodic || grid.axes[d].core != (0..grid.axes[d].len()));
     for (node, x) in positions.iter().enumerate() {
-        for d in 0..3 {
+        for d in (0..3).filter(|d| ends[*d]) {
             let axis = &grid.axes[d];
             let place = |cell: f64| axis.faces[axis.core.start] + axis.spacing * cell;
             let (from, to) = (place(MARGIN), place(axis.core.len() as f64 - MARGIN));
@@ -369,7 +415,7 @@ fn nearest<'a>(
 mod tests {
     use super::*;
     use crate::axis::Axis;
-    use crate::grid::{End, Ends};
+    use crate::grid::End;
     use crate::shapes;
 
     fn grid(cells: usize) -> Grid {

@@ -16,6 +16,7 @@
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
+use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
 use crate::poisson::{Box3, Poisson};
@@ -164,13 +165,29 @@ impl Flow {
     /// Convection and viscosity over a step of `dt` s on a grid that moves with the velocity `frame`; the result serves all solutions of
     /// the step for different motions of the surface.
     pub fn predict(&mut self, dt: f64, frame: Vector3<f64>) {
+        self.predict_with(dt, frame, None);
+    }
+
+    /// [`Self::predict`] with no slip on a surface, whose forces `friction` has afterwards.
+    pub fn predict_with_friction(&mut self, dt: f64, frame: Vector3<f64>, friction: &mut Friction) {
+        self.predict_with(dt, frame, Some(friction));
+    }
+
+    fn predict_with(&mut self, dt: f64, frame: Vector3<f64>, friction: Option<&mut Friction>) {
+        let viscosity = self.settings.momentum.viscosity;
         self.settings.momentum.rates(&self.grid, &self.velocity, frame, &mut self.rates[0]);
+        if let Some(friction) = &friction {
+            friction.interrupt_fluxes(viscosity, &self.velocity, &mut self.rates[0]);
+        }
         let back = self.previous_dt.map_or(0.0, |previous| 0.5 * dt / previous);
         for c in 0..3 {
             let [now, before] = [&self.rates[0][c], &self.rates[1][c]];
             for (i, u) in self.predicted[c].iter_mut().enumerate() {
                 *u = self.velocity[c][i] + dt * ((1.0 + back) * now[i] - back * before[i]);
             }
+        }
+        if let Some(friction) = friction {
+            friction.apply(self.settings.density, viscosity, dt, &mut self.predicted);
         }
         self.grid.fill_ghosts(&mut self.predicted, self.settings.far);
         self.grid.copy_to_outflow(&mut self.predicted);
@@ -366,7 +383,6 @@ fn subtract_gradient(grid: &Grid, p: &[f64], cells: &Box3, u: &mut Velocity) {
     let strides = [1, n[0], n[0] * n[1]];
     for c in 0..3 {
         let inverse: Vec<f64> = (0..=grid.axes[c].len()).map(|i| 1.0 / grid.centre_distance(c, i)).collect();
-        let unknown = grid.unknown_faces(c);
         let whole = n[c] == grid.axes[c].len();
         for k in 0..n[2] {
             for j in 0..n[1] {
@@ -389,43 +405,41 @@ fn subtract_gradient(grid: &Grid, p: &[f64], cells: &Box3, u: &mut Velocity) {
             }
         }
         if whole {
-            subtract_at_ends(grid, p, c, unknown, &inverse, u);
+            subtract_at_ends(grid, p, cells, c, &inverse, u);
         }
     }
 }
 
-/// Subtracts the gradient at the ends of axis `c`: of a periodic axis, or to zero pressure at an outflow.
-fn subtract_at_ends(
-    grid: &Grid,
-    p: &[f64],
-    c: usize,
-    unknown: std::ops::Range<usize>,
-    inverse: &[f64],
-    u: &mut Velocity,
-) {
-    let n = grid.cells();
+/// Subtracts the gradient at the ends of axis `c`, which the box spans: of a periodic axis, or to zero pressure at an outflow.
+fn subtract_at_ends(grid: &Grid, p: &[f64], cells: &Box3, c: usize, inverse: &[f64], u: &mut Velocity) {
+    let n = [0, 1, 2].map(|d| cells[d].len());
+    let unknown = grid.unknown_faces(c);
     let periodic = grid.ends[c] == crate::grid::Ends::Periodic;
     let [a, b] = [(c + 1) % 3, (c + 2) % 3];
     for q in 0..n[b] {
         for r in 0..n[a] {
-            let at = |i: usize| {
+            let in_box = |i: usize| {
                 let mut cell = [0; 3];
                 (cell[a], cell[b], cell[c]) = (r, q, i);
                 cell
             };
             let pressure = |i: usize| {
-                let cell = at(i);
+                let cell = in_box(i);
                 p[(cell[2] * n[1] + cell[1]) * n[0] + cell[0]]
+            };
+            let at = |i: usize| {
+                let cell = in_box(i);
+                grid.at([0, 1, 2].map(|d| (cells[d].start + cell[d]) as isize))
             };
             if unknown.start == 0 {
                 let below = if periodic { pressure(n[c] - 1) } else { 0.0 };
-                u[c][grid.at(at(0).map(|i| i as isize))] -= (pressure(0) - below) * inverse[0];
+                u[c][at(0)] -= (pressure(0) - below) * inverse[0];
             }
             if unknown.end == n[c] + 1 {
-                u[c][grid.at(at(n[c]).map(|i| i as isize))] += pressure(n[c] - 1) * inverse[n[c]];
+                u[c][at(n[c])] += pressure(n[c] - 1) * inverse[n[c]];
             }
             if periodic {
-                u[c][grid.at(at(n[c]).map(|i| i as isize))] = u[c][grid.at(at(0).map(|i| i as isize))];
+                u[c][at(n[c])] = u[c][at(0)];
             }
         }
     }

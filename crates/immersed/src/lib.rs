@@ -4,6 +4,7 @@
 //! - [`momentum`]: convection and viscous stress,
 //! - [`poisson`]: the pressure equation,
 //! - [`cut_faces`], [`constraints`]: surfaces, and what they prescribe on the faces that they cut,
+//! - [`friction`]: no slip on surfaces in viscous flow,
 //! - [`pockets`]: air that a surface encloses in few cells,
 //! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`flow`]: a time step.
@@ -15,6 +16,7 @@ pub mod constraints;
 pub mod cut_faces;
 pub mod face_transfer;
 pub mod flow;
+pub mod friction;
 pub mod grid;
 pub mod momentum;
 pub mod placement;

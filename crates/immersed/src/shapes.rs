@@ -53,6 +53,14 @@ pub fn hemisphere(n: usize) -> Surface {
     })
 }
 
+/// Circular cylinder without ends, `n` triangles of each kind around, its axis along y from -`half` to `half`; normals point outwards.
+pub fn cylinder(radius: f64, n: usize, half: f64) -> Surface {
+    mapped(n, 1, |s, t| {
+        let (sin, cos) = (std::f64::consts::TAU * s).sin_cos();
+        Vector3::new(radius * sin, half * (2.0 * t - 1.0), radius * cos)
+    })
+}
+
 fn mapped(n: usize, m: usize, at: impl Fn(f64, f64) -> Vector3<f64>) -> Surface {
     let node = |i: usize, j: usize| (j * (n + 1) + i) as u32;
     let nodes = (0..=m).flat_map(|j| (0..=n).map(move |i| (i, j)));

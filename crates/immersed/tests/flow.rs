@@ -3,6 +3,7 @@
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::flow::{Flow, Settings};
+use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
 use immersed::shapes;
@@ -108,7 +109,12 @@ fn free_stream_is_kept_around_a_drifting_surface() {
         let nodes: Vec<_> = start.iter().map(|x| x + moved).collect();
         let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
         cut.set_velocities(&faces, &vec![stream; nodes.len()]);
-        flow.predict(dt, frame);
+        let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
+        friction.set_velocities(&faces, &vec![stream; nodes.len()]);
+        flow.predict_with_friction(dt, frame, &mut friction);
+        let mut forces = vec![Vector3::zeros(); nodes.len()];
+        friction.add_node_forces(&faces, &mut forces);
+        assert!(forces.iter().all(|f| f.norm() < 1e-12) && friction.len() > 100, "{k}");
         let jumps = flow.solve_constraints(&cut.rows);
         flow.accept(&cut.rows, &jumps);
         let error = (0..3)
@@ -118,12 +124,22 @@ fn free_stream_is_kept_around_a_drifting_surface() {
     }
 }
 
-/// What the air loses the surface gets: in a box that is periodic along x and y, to round-off; and nothing passes through the cloth.
 #[test]
 fn momentum_is_conserved_and_cloth_does_not_leak() {
+    turning_plate(0.001, false);
+}
+
+/// The same with no slip: the force of the friction is a part of the balance.
+#[test]
+fn momentum_is_conserved_with_friction() {
+    turning_plate(0.01, true);
+}
+
+/// What the air loses the surface gets: in a box that is periodic along x and y, to round-off; and nothing passes through the cloth.
+fn turning_plate(viscosity: f64, no_slip: bool) {
     let side = || Axis::even(-1.0, 1.0, 24);
     let grid = Grid::new([side(), side(), side()], [Ends::Periodic, Ends::Periodic, SLIP]);
-    let mut flow = Flow::new(grid, settings(Vector3::zeros(), 1.0, 0.001));
+    let mut flow = Flow::new(grid, settings(Vector3::zeros(), 1.0, viscosity));
     let (plate, faces) = shapes::plate(10);
     let momentum = |flow: &Flow, c: usize| -> f64 {
         let n = 24;
@@ -141,10 +157,21 @@ fn momentum_is_conserved_and_cloth_does_not_leak() {
         let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
         cut.set_velocities(&faces, &velocities);
         let before = [0, 1].map(|c| momentum(&flow, c));
-        flow.predict(dt, Vector3::zeros());
+        let mut forces = vec![Vector3::zeros(); nodes.len()];
+        if no_slip {
+            let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
+            friction.set_velocities(&faces, &velocities);
+            flow.predict_with_friction(dt, Vector3::zeros(), &mut friction);
+            friction.add_node_forces(&faces, &mut forces);
+            let total: Vector3<f64> = forces.iter().sum();
+            assert!(total.x.abs() > 1e-3 && total.y.abs() > 1e-3, "{k}: friction {total:?}");
+        } else {
+            flow.predict(dt, Vector3::zeros());
+        }
         let jumps = flow.solve_constraints(&cut.rows);
         flow.accept(&cut.rows, &jumps);
-        let total = force(&cut, &faces, &jumps.jump, nodes.len());
+        cut.add_forces(&faces, &jumps.jump, &mut forces);
+        let total: Vector3<f64> = forces.iter().sum();
         for c in 0..2 {
             let error = momentum(&flow, c) - before[c] + dt * total[c];
             assert!(error.abs() < 1e-12 && total[c].abs() > 1e-3, "{k} {c}: {error:e}, force {total:?}");

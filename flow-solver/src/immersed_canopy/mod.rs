@@ -2,7 +2,8 @@
 //!
 //! Velocities are relative to the wind, so that a gust accelerates nothing. The grid moves with the frame and follows the canopy
 //! (`moving_grid.rs`). Where the canopy cuts the grid at the end of a window follows from the windows before it, so that all solves of a
-//! window differ in the prescribed velocities alone, and the load is a linear function of them.
+//! window differ in the prescribed velocities alone, and the load is a linear function of them. So is the friction of viscous air, which acts from
+//! the accepted motion.
 
 mod canopy;
 mod moving_grid;

@@ -226,8 +226,12 @@ impl ImmersedParticipant {
             Fault::new(format!("window {} (t = {:.4} s): {e}; raise flow.immersed.room", w.index, w.time))
         };
         let relative = self.frame - Vector3::from(self.wind.at(w.time));
-        let start =
-            Start { positions: &self.positions, velocities: &self.velocities, origin: self.grid.origin };
+        let start = Start {
+            positions: &self.positions,
+            velocities: &self.velocities,
+            origin: self.grid.origin,
+            frame: relative,
+        };
         let expected = super::step::predicted(&start, w.dt, self.grid.placement.spacing);
         let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
         if !self.grid.contains(&self.flow.grid, &all) {
@@ -289,6 +293,7 @@ impl Participant for ImmersedParticipant {
             "flow",
             "flow.immersed",
             "flow.gust",
+            "flow.viscosity",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
             channel::PERTURBATION,

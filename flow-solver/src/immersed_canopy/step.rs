@@ -3,6 +3,7 @@
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, FlowState, PressureJumps};
+use immersed::friction::Friction;
 use immersed::grid::Grid;
 use nalgebra::Vector3;
 
@@ -57,6 +58,11 @@ pub struct OpenWindow {
     pub nodes: Vec<Vector3<f64>>,
     /// The cuts of its steps.
     pub cuts: Vec<Cut>,
+    /// Friction in its steps; empty without viscosity. The surface is where it is at the start of each step, and has the accepted velocity: what
+    /// friction does is the same in all solutions of the window.
+    frictions: Vec<Friction>,
+    /// Face of each triangle.
+    face_of: Vec<u32>,
     /// Where several steps are needed: the state at its start.
     start: Option<FlowState>,
     /// Whether the first step is predicted already.
@@ -85,9 +91,11 @@ pub struct Start<'a> {
     pub velocities: &'a [Vector3<f64>],
     /// Origin of the grid in the falling frame, m.
     pub origin: Vector3<f64>,
+    /// Velocity of the frame relative to the wind, m/s.
+    pub frame: Vector3<f64>,
 }
 
-/// Number of equal steps of a window of `dt` s.
+/// Number of equal steps of a window of `dt` s. The stress of walls is implicit and does not shorten them.
 pub fn steps(flow: &Flow, dt: f64, courant: f64) -> usize {
     let h = flow.grid.axes[0].spacing;
     let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h);
@@ -103,6 +111,18 @@ pub fn predicted(start: &Start<'_>, time: f64, spacing: f64) -> Vec<Vector3<f64>
         x + step * (most / step.norm().max(most))
     };
     start.positions.iter().zip(start.velocities).map(moved).collect()
+}
+
+/// Friction on the surface with `vertices` in coordinates of the grid, m, at the velocities of the start.
+fn friction(
+    flow: &Flow,
+    surface: &CanopySurface,
+    start: &Start<'_>,
+    vertices: &[Vector3<f64>],
+) -> Result<Friction, OutsideCore> {
+    let mut friction = Friction::new(&flow.grid, vertices, &surface.triangles)?;
+    friction.set_velocities(&surface.triangles, &surface.vertices(start.velocities, -start.frame));
+    Ok(friction)
 }
 
 impl OpenWindow {
@@ -123,10 +143,17 @@ impl OpenWindow {
         let spacing = flow.grid.axes[0].spacing;
         let mut cuts = Vec::with_capacity(count);
         let mut nodes = Vec::new();
+        let mut frictions = Vec::new();
+        // Friction counts from the vertices at the start of a step.
+        let viscous = flow.settings.momentum.viscosity > 0.0;
+        let mut vertices = if viscous { surface.vertices(start.positions, start.origin) } else { Vec::new() };
         for step in 1..=count {
+            if viscous {
+                frictions.push(friction(flow, surface, start, &vertices)?);
+            }
             let time = dt * step as f64 / count as f64;
             nodes = predicted(start, time, spacing);
-            let vertices = surface.vertices(&nodes, start.origin + drift * time);
+            vertices = surface.vertices(&nodes, start.origin + drift * time);
             cuts.push(Cut::new(&flow.grid, surface, &vertices)?);
         }
         let start = (count > 1).then(|| flow.state());
@@ -138,6 +165,8 @@ impl OpenWindow {
             drift,
             nodes,
             cuts,
+            frictions,
+            face_of: surface.face_of.clone(),
             start,
             predicted: false,
             courant,
@@ -173,8 +202,15 @@ impl OpenWindow {
         for step in 0..count {
             if !(self.predicted && count == 1) {
                 let _part = timing::part("momentum");
-                flow.predict(self.dt / count as f64, self.velocity);
+                let dt = self.dt / count as f64;
+                match self.frictions.get_mut(step) {
+                    Some(friction) => flow.predict_with_friction(dt, self.velocity, friction),
+                    None => flow.predict(dt, self.velocity),
+                }
                 self.predicted = true;
+            }
+            if let Some(friction) = self.frictions.get(step) {
+                friction.add_face_forces(1.0 / count as f64, &self.face_of, &mut solution.forces);
             }
             let cut = &mut self.cuts[step];
             cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);

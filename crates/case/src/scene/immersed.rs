@@ -8,8 +8,8 @@ use crate::Scene;
 use crate::check::Check;
 
 /// A Cartesian grid through which the canopy moves, instead of one that is fitted to it: fabric may fold, touch itself and close its vents, and no
-/// mesh-mover runs. The air is incompressible and slides along the fabric. The even cells around the canopy follow it; when it comes near
-/// their end, a new grid is made around it.
+/// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it (laminar only). The even
+/// cells around the canopy follow it; when it comes near their end, a new grid is made around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Immersed {
@@ -63,9 +63,9 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
         (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
         (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
         (
-            flow.viscosity.is_some(),
-            "flow.viscosity",
-            "the immersed flow slides along the fabric and has no turbulence model",
+            flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some()),
+            "flow.viscosity.turbulence",
+            "the immersed flow has no turbulence model",
         ),
         (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
         (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
