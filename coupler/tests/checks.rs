@@ -34,6 +34,16 @@ const CASES: &[(&str, &[&str])] = &[
     ("atps-paper-scale/descent.toml", &["fabric.strain"]),
     ("atps-paper-scale/scene.toml", &["fabric.strain"]),
     ("atps-uniform-pressure/scene.toml", &["fabric.strain"]),
+    (
+        "flat-circular-opening/scene.toml",
+        &[
+            "descent.drag-coefficient",
+            "descent.initial-speed",
+            "descent.pressure",
+            "fabric.strain",
+            "stages.force",
+        ],
+    ),
     ("hard/cavity/scene.toml", &[]),
     ("hard/channel/scene.toml", &[]),
     ("hard/closed-box/scene.toml", &[]),

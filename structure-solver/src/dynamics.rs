@@ -246,6 +246,7 @@ impl Dynamics {
         iterated: bool,
     ) -> Result<WindowInfo, StepFailure> {
         self.current.copy_from(&self.accepted);
+        self.system.rewind();
         self.window = dt;
         let mut info = WindowInfo::default();
         if self.explicit.is_none() {
@@ -420,6 +421,7 @@ impl Dynamics {
     /// The last computed window is final.
     pub fn accept(&mut self) {
         self.accepted.copy_from(&self.current);
+        self.system.keep();
         self.time += self.window;
         self.window = 0.0;
     }

@@ -100,7 +100,13 @@ pub trait ElementLoop {
     /// Finds what is near what at positions `x` (m).
     fn find_pairs(&mut self, _x: &[f64]) {}
 
-    /// State other than positions and velocities that later steps depend on: the contact pairs.
+    /// The state now is that of an accepted window.
+    fn keep(&mut self) {}
+
+    /// Returns to the state of [`ElementLoop::keep`], so that all solves of a window depend on their input alone.
+    fn rewind(&mut self) {}
+
+    /// State other than positions and velocities that later steps depend on, when it was kept last: the contact pairs.
     fn save_state(&self) -> Vec<f64> {
         Vec::new()
     }

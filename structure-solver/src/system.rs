@@ -198,6 +198,16 @@ impl System {
         }
     }
 
+    /// See [`ElementLoop::keep`].
+    pub fn keep(&mut self) {
+        self.loops.iter_mut().for_each(|l| l.keep());
+    }
+
+    /// See [`ElementLoop::rewind`].
+    pub fn rewind(&mut self) {
+        self.loops.iter_mut().for_each(|l| l.rewind());
+    }
+
     /// See [`ElementLoop::air_force`]; of this rank.
     pub fn air_force(&self, x: &[f64]) -> Vec3 {
         self.loops.iter().fold(Vec3::zeros(), |sum, l| sum + l.air_force(x))

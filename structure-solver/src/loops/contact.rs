@@ -41,6 +41,9 @@ const BEYOND: f64 = 0.02;
 /// have come towards each other.
 const MARGIN: f64 = 0.35;
 
+/// Extent of a triangle in edges of the unstressed mesh beyond which it is in contact with nothing: torn in a solve that fails.
+const TORN: f64 = 30.0;
+
 /// Numbers of a saved pair.
 const NUMBERS: usize = 4;
 
@@ -59,6 +62,8 @@ pub struct Contact {
     before: HashMap<u32, Vec<Pair>>,
     /// Positions at the last search, m; empty before the first.
     searched: Vec<f64>,
+    /// Pairs and positions of the last search at the accepted state.
+    accepted: (Vec<Pair>, Vec<f64>),
     cells: HashMap<[i32; 3], Vec<u32>>,
     edge: f64,
 }
@@ -110,6 +115,7 @@ impl Contact {
             known: HashMap::new(),
             before: HashMap::new(),
             searched: Vec::new(),
+            accepted: Default::default(),
             cells: HashMap::new(),
             edge,
         }
@@ -214,6 +220,10 @@ impl ElementLoop for Contact {
                 Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::INFINITY, f64::min) - reach);
             let high =
                 Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::NEG_INFINITY, f64::max) + reach);
+            // Not a number: torn too.
+            if !((high - low).amax() <= TORN * self.edge) {
+                continue;
+            }
             // Of a node beyond the edges that `project` accepts, or pressed through.
             let slack = reach + BEYOND * self.edge;
             let near = |p: Vec3| (0..3).all(|i| p[i] >= low[i] - slack && p[i] <= high[i] + slack);
@@ -238,11 +248,25 @@ impl ElementLoop for Contact {
         }
     }
 
+    fn keep(&mut self) {
+        self.accepted.0.clone_from(&self.pairs);
+        self.accepted.1.clone_from(&self.searched);
+    }
+
+    fn rewind(&mut self) {
+        self.pairs.clone_from(&self.accepted.0);
+        self.searched.clone_from(&self.accepted.1);
+        self.known.values_mut().for_each(Vec::clear);
+        for p in &self.pairs {
+            self.known.entry(p.node).or_default().push(*p);
+        }
+    }
+
     /// Pairs in their order, each with node, triangle, side and distance, then the positions at the search.
     fn save_state(&self) -> Vec<f64> {
-        let rows =
-            self.pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness]);
-        std::iter::once(self.pairs.len() as f64).chain(rows).chain(self.searched.iter().copied()).collect()
+        let (pairs, searched) = &self.accepted;
+        let rows = pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness]);
+        std::iter::once(pairs.len() as f64).chain(rows).chain(searched.iter().copied()).collect()
     }
 
     fn restore_state(&mut self, memory: &[f64]) -> Result<(), String> {
@@ -261,12 +285,8 @@ impl ElementLoop for Contact {
             sound.then_some(pair)
         };
         let pairs: Option<Vec<Pair>> = rows.as_chunks::<NUMBERS>().0.iter().map(pair).collect();
-        self.pairs = pairs.ok_or("a pair in contact is none of this canopy")?;
-        self.known.clear();
-        for p in &self.pairs {
-            self.known.entry(p.node).or_default().push(*p);
-        }
-        self.searched = searched.to_vec();
+        self.accepted = (pairs.ok_or("a pair in contact is none of this canopy")?, searched.to_vec());
+        self.rewind();
         Ok(())
     }
 
@@ -337,6 +357,7 @@ mod tests {
             known: HashMap::new(),
             before: HashMap::new(),
             searched: Vec::new(),
+            accepted: Default::default(),
             cells: HashMap::new(),
             edge: 1.0,
         }
@@ -378,6 +399,31 @@ mod tests {
         let pairs: Vec<_> = contact.pairs.iter().map(|p| (p.triangle, p.side, p.thickness)).collect();
         assert_eq!(pairs, [(1, 1.0, 0.05)]);
         assert!((contact.pressed(&there) - 700.0 * 0.06).abs() < 1e-10);
+    }
+
+    /// Solves of a window depend on their input alone: what one has found is forgotten by the next, and a saved state is that of the accepted window.
+    #[test]
+    fn rejected_solve_leaves_no_trace() {
+        let mut contact = contact(vec![[0, 1, 2]], 4);
+        contact.find_pairs(&positions(0.09));
+        contact.find_pairs(&positions(0.04));
+        contact.keep();
+        let saved = contact.save_state();
+        let pressed = |contact: &mut Contact| {
+            contact.rewind();
+            contact.find_pairs(&positions(0.01));
+            contact.pressed(&positions(0.01))
+        };
+        let first = pressed(&mut contact);
+        for wild in [0.3, -0.04, -0.3, 1e6, f64::NAN] {
+            contact.find_pairs(&positions(wild));
+        }
+        assert_eq!(contact.save_state(), saved);
+        assert_eq!(pressed(&mut contact), first);
+        let mut resumed = super::tests::contact(vec![[0, 1, 2]], 4);
+        resumed.restore_state(&saved).expect("its own state");
+        assert_eq!(pressed(&mut resumed), first);
+        assert!((first - 700.0 * 0.04).abs() < 1e-9, "{first}");
     }
 
     /// The distance that a pair keeps grows with the distance of its node, up to the thickness.

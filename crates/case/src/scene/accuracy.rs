@@ -121,12 +121,12 @@ pub enum Statistic {
 pub struct Parameter {
     /// `structure-grid`, `flow-grid`, `grid` (both), `window`, `substeps`, `coupling-tolerance`,
     /// `flow-drop`, `newton-tolerance`, `gmres-tolerance`, `static-tolerance`, `mover-tolerance`,
-    /// `scheme`, an effect of `ripstop effects`, or a dotted key of the scene.
+    /// `scheme`, `method`, an effect of `ripstop effects`, or a dotted key of the scene.
     pub name: String,
     /// Numbers. Grids, `window` and `substeps`: refinement factors relative to the scene (2: cells
     /// half as long, windows half as long, twice as many substeps). All others: the value itself.
     pub values: Vec<f64>,
-    /// Words: schemes as in `ripstop stability --scheme`, `on` and `off` for effects.
+    /// Words: schemes as in `ripstop stability --scheme`, flow methods (`fitted`, `immersed:SPACING` in metres), `on` and `off` for effects.
     pub choices: Vec<String>,
     /// Its value while other parameters are varied. Absent: the scene's own.
     pub base: Option<f64>,

@@ -112,6 +112,43 @@ fn flow(scene: &Scene, _: usize) -> Result<(), &'static str> {
     if has_role(scene, Role::Flow) { Ok(()) } else { Err("no stage runs the flow") }
 }
 
+/// A canopy in a stream of which both kinds of grid can be made.
+fn method(scene: &Scene, stage: usize) -> Result<(), &'static str> {
+    flow_grid(scene, stage)?;
+    if !scene.has_canopy() {
+        return Err("it has no canopy");
+    }
+    match &scene.flow {
+        Some(f) if f.box_grid.is_some() => Err("its flow grid is a box with walls"),
+        _ => Ok(()),
+    }
+}
+
+/// The scene with the flow method of a word of [`METHOD`].
+fn with_method(scene: &Scene, word: &str) -> Result<Scene, RunError> {
+    let immersed = match word.split_once(':') {
+        None if word == "fitted" => None,
+        Some(("immersed", spacing)) => Some(spacing.parse::<f64>().map_err(|_| {
+            refuse(METHOD, &format!("`{spacing}` is not a spacing in metres, as in \"immersed:0.1\""))
+        })?),
+        _ => {
+            return Err(refuse(
+                METHOD,
+                &format!("`{word}` is neither \"fitted\" nor \"immersed:SPACING\" in metres"),
+            ));
+        }
+    };
+    let mut text = table(scene)?;
+    if let Some(flow) = text.get_mut("flow").and_then(Value::as_table_mut) {
+        flow.remove("immersed");
+    }
+    if let Some(spacing) = immersed {
+        set_value(&mut text, &["flow", "immersed"], "spacing_m", Value::Float(spacing))?;
+        set_value(&mut text, &["ranks"], "flow", Value::Integer(1))?;
+    }
+    read(text)
+}
+
 fn newton(scene: &Scene, _: usize) -> Result<(), &'static str> {
     if !has_role(scene, Role::Structure) {
         return Err("no stage runs the structure");
@@ -218,10 +255,12 @@ const NUMBERS: &[Entry] = &[
 
 /// The parameter of coupling schemes. Like effects and keys of the scene, it is not in [`NUMBERS`].
 const SCHEME: &str = "scheme";
+/// The parameter of flow methods: `fitted`, or `immersed:SPACING` with the spacing of the Cartesian grid in metres.
+const METHOD: &str = "method";
 
 /// Names of all parameters except effects and keys.
 pub fn names() -> Vec<&'static str> {
-    NUMBERS.iter().map(|e| e.0).chain([SCHEME]).collect()
+    NUMBERS.iter().map(|e| e.0).chain([SCHEME, METHOD]).collect()
 }
 
 fn refuse(name: &str, why: &str) -> RunError {
@@ -248,6 +287,14 @@ impl Parameter {
                 Ok(parameter(Kind::Choice, 0.0))
             } else {
                 Err(refuse(name, "its values are schemes: give `choices`"))
+            };
+        }
+        if name == METHOD {
+            method(scene, stage).map_err(|why| refuse(name, why))?;
+            return if words {
+                Ok(parameter(Kind::Choice, 0.0))
+            } else {
+                Err(refuse(name, "its values are methods: give choices = [\"fitted\", \"immersed:SPACING\"]"))
             };
         }
         if name.contains("precision") {
@@ -293,6 +340,11 @@ impl Parameter {
             "static-tolerance" => scene.structure.static_tolerance,
             "mover-tolerance" => scene.mesh.tolerance,
             SCHEME => return Some(Setting::Choice("default".into())),
+            METHOD => {
+                let immersed = scene.flow.as_ref()?.immersed.as_ref();
+                let word = immersed.map_or("fitted".into(), |g| format!("immersed:{}", g.spacing_m));
+                return Some(Setting::Choice(word));
+            }
             key => {
                 if let Some(entry) = TABLE.iter().find(|e| e.key == key) {
                     return Some(Setting::Choice(if (entry.on)(scene) { "on" } else { "off" }.into()));
@@ -338,6 +390,7 @@ impl Parameter {
                 SchemeChoice(word.clone()).apply(&mut text)?;
                 read(text)
             }
+            Setting::Choice(word) if self.name == METHOD => with_method(&scene, word),
             Setting::Choice(word) => {
                 let Some(entry) = TABLE.iter().find(|e| e.key == self.name) else {
                     let value = word.parse().map_or_else(|_| Value::String(word.clone()), Value::Boolean);
@@ -434,6 +487,10 @@ mod tests {
         assert_eq!(modified(&base, "coupling.reused_windows", n(3.0)).coupling.reused_windows, 3);
         let c = |w: &str| Setting::Choice(w.into());
         assert_eq!(modified(&base, "scheme", c("staggered")).coupling.scheme, case::Scheme::Staggered);
+        let moved = modified(&base, "method", c("immersed:0.1"));
+        assert_eq!((spacing(&moved), moved.ranks.flow), (Some(0.1), 1));
+        assert!(!moved.roles(&moved.stages[2]).contains(&Role::Mesh));
+        assert_eq!(spacing(&modified(&immersed, "method", c("fitted"))), None);
         assert!(!modified(&base, "fabric.wrinkling", c("off")).fabric.wrinkling);
         assert_eq!(modified(&base, "mesh.mover", c("laplacian")).mesh.mover, case::MoverKind::Laplacian);
     }
@@ -457,6 +514,13 @@ mod tests {
         assert!(refused("air-bag", "coupling-tolerance", false).contains("no stage is coupled"));
         assert!(refused("air-bag", "newton-tolerance", false).contains("explicit"));
         assert!(refused("plate-gmsh", "flow-grid", false).contains("file"));
+        assert!(refused("plate-gmsh", "method", true).contains("file"));
+        assert!(refused("hard/cavity", "method", true).contains("box"));
+        assert!(refused("square-drop", "method", false).contains("immersed:SPACING"));
+        let base = scene("square-drop");
+        for word in ["immersed", "immersed:x", "cut-cells"] {
+            assert!(with_method(&base, word).is_err(), "{word}");
+        }
         assert!(refused("plate-gmsh", "substeps", false).contains("structure"));
         assert!(refused("square-drop", "magic", false).contains("coupling-tolerance"));
         assert!(refused("square-drop", "preconditioner-precision", true).contains("single"));
