@@ -93,6 +93,7 @@ pub fn participant(
     if resume.is_some() {
         participant.snapshots = Snapshots::resume(&case::stage_folder(out, scene, stage));
     }
+    participant.report_grid(&case::stage_folder(out, scene, stage))?;
     Ok(participant)
 }
 
@@ -182,6 +183,22 @@ impl ImmersedParticipant {
             snapshots: Snapshots::default(),
             time: 0.0,
         })
+    }
+
+    /// Writes the sizes of the grid to `grid.txt` in the stage's folder.
+    fn report_grid(&self, folder: &Path) -> Result<(), Fault> {
+        let grid = &self.flow.grid;
+        let [x, y, z] = grid.cells();
+        let nodes = (x + 1) * (y + 1) * (z + 1);
+        let spacing = grid.axes[0].spacing;
+        let text = format!(
+            "{} cells (Cartesian, {x} x {y} x {z}; even ones of {spacing} m around the immersed canopy), {nodes} nodes\n",
+            grid.count()
+        );
+        let file = folder.join("grid.txt");
+        std::fs::create_dir_all(folder)
+            .and_then(|()| std::fs::write(&file, text))
+            .map_err(|e| Fault::new(format!("cannot write {}: {e}", file.display())))
     }
 
     /// Continues from the state in `file`; `with_canopy`: from its canopy too.
