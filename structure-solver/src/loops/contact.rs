@@ -220,8 +220,8 @@ impl ElementLoop for Contact {
                 Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::INFINITY, f64::min) - reach);
             let high =
                 Vec3::from_fn(|i, _| corners.iter().map(|c| c[i]).fold(f64::NEG_INFINITY, f64::max) + reach);
-            // Not a number: torn too.
-            if !((high - low).amax() <= TORN * self.edge) {
+            let extent = (high - low).amax();
+            if extent.is_nan() || extent > TORN * self.edge {
                 continue;
             }
             // Of a node beyond the edges that `project` accepts, or pressed through.
