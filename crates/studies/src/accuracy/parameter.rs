@@ -490,7 +490,9 @@ mod tests {
         let moved = modified(&base, "method", c("immersed:0.1"));
         assert_eq!((spacing(&moved), moved.ranks.flow), (Some(0.1), 1));
         assert!(!moved.roles(&moved.stages[2]).contains(&Role::Mesh));
-        assert_eq!(spacing(&modified(&immersed, "method", c("fitted"))), None);
+        assert_eq!(spacing(&modified(&moved, "method", c("fitted"))), None);
+        // Closed vents have no fitted grid.
+        assert!(with_method(&immersed, "fitted").is_err());
         assert!(!modified(&base, "fabric.wrinkling", c("off")).fabric.wrinkling);
         assert_eq!(modified(&base, "mesh.mover", c("laplacian")).mesh.mover, case::MoverKind::Laplacian);
     }
