@@ -204,6 +204,10 @@ impl ElementLoop for Contact {
         }
         self.searched.clear();
         self.searched.extend_from_slice(x);
+        // Boxes that the fabric has left, in a descent or a solve that fails, are dropped.
+        if self.cells.len() > 4 * self.nodes.len() {
+            self.cells.clear();
+        }
         for list in self.cells.values_mut() {
             list.clear();
         }
