@@ -230,16 +230,18 @@ fn drifting_canopy_has_no_load(comm: &Comm, scene: &Scene, [x, y]: [f64; 2]) {
 }
 
 /// A flat square that moves along itself in still, very viscous air has the friction of the layer of Stokes' first problem on both sides,
-/// F = 2 A rho sqrt(nu / (pi t)) U, and more by its edges: 1.8 times that with a layer of two cells, a sixth of the side; without viscosity it has no force.
+/// F = 2 A rho sqrt(nu / (pi t)) U, and more by its edges. The factor, 1.816 with a layer of two cells, a sixth of the side, is that of this test when it was written (the edges have no closed form
+/// here): it holds signs and factors, not the accuracy. Without viscosity there is no force.
 fn viscous_air_resists_a_canopy_that_slides(comm: &Comm) {
     let scene_viscosity = 0.49;
-    let drag = |viscosity: &str| {
-        let scene = scene(viscosity);
+    let viscous = format!("[flow.viscosity]\ndynamic_viscosity_pa_s = {scene_viscosity}");
+    let drag = |settings: &str, speed: f64| {
+        let scene = scene(settings);
         let mut p = flow(comm, &scene, None);
         let nodes = p.announce().canopy_nodes as usize;
         let mut last = (0.0, Vec::new());
         for k in 0..60 {
-            let d = [(k + 1) as f64 * DT, 0.0, 0.0].repeat(nodes);
+            let d = [speed * (k + 1) as f64 * DT, 0.0, 0.0].repeat(nodes);
             let w = Window { frame_velocity: [0.0; 3], ..window(k, 0, DT) };
             let (load, stats) = solve(&mut p, &w, &d);
             last = (stats.values[flow_stats::FORCE], load);
@@ -247,12 +249,15 @@ fn viscous_air_resists_a_canopy_that_slides(comm: &Comm) {
         }
         last
     };
-    let [(slip, _), (no_slip, load)] =
-        ["", &format!("[flow.viscosity]\ndynamic_viscosity_pa_s = {scene_viscosity}")].map(drag);
+    let (slip, _) = drag("", 1.0);
+    let (no_slip, load) = drag(&viscous, 1.0);
+    // The same in a wind against a canopy at rest, but for the first window, whose accepted velocity is zero.
+    let (in_wind, _) = drag(&format!("wind_m_s = [-1.0, 0.0, 0.0]\n{viscous}"), 0.0);
+    assert!((in_wind / no_slip - 1.0).abs() < 0.02, "{in_wind} N in the wind, {no_slip} N in motion");
     let density = 1.225;
     let layer = -2.0 * 4.0 * f64::sqrt(density * scene_viscosity / (std::f64::consts::PI * 60.0 * DT));
     println!("friction {no_slip:.3} N, of a layer {layer:.3} N, without viscosity {slip:.1e} N");
-    assert!(slip.abs() < 1e-9 && (1.2..2.2).contains(&(no_slip / layer)), "{slip} {no_slip} {layer}");
+    assert!(slip.abs() < 1e-9 && (1.75..1.88).contains(&(no_slip / layer)), "{slip} {no_slip} {layer}");
     let traction: f64 = load.chunks_exact(LOAD_WIDTH).map(|row| row[1]).sum();
     assert!(traction < 0.0, "traction along the motion: {traction}");
 }
