@@ -31,6 +31,8 @@ pub enum CommError {
 
 /// Tag of [`Comm::send`].
 const LETTER: i32 = 77;
+/// Tag of [`Comm::shift`].
+const SHIFT: i32 = 78;
 
 struct World {
     world: SimpleCommunicator,
@@ -153,6 +155,11 @@ impl Comm {
         v[0]
     }
 
+    /// Maximum of each entry over ranks, in place.
+    pub fn max_slice(&self, x: &mut [f64]) {
+        self.reduce(x, SystemOperation::max());
+    }
+
     /// Minimum over ranks.
     pub fn min(&self, x: f64) -> f64 {
         let mut v = [x];
@@ -228,6 +235,53 @@ impl Comm {
                 head.to_vec()
             })
             .collect()
+    }
+
+    /// As [`Comm::all_to_all_var`] without allocation: `send` holds `sent[r]` numbers for each rank r in turn, `receive` gets `received[r]` from
+    /// each.
+    pub fn all_to_all_into(&self, send: &[f64], sent: &[i32], receive: &mut [f64], received: &[i32]) {
+        let Some(world) = self.world() else {
+            receive.copy_from_slice(send);
+            return;
+        };
+        let start = Instant::now();
+        let send = Partition::new(send, sent, offsets(sent));
+        let mut receive = PartitionMut::new(receive, received, offsets(received));
+        world.all_to_all_varcount_into(&send, &mut receive);
+        self.count(start);
+    }
+
+    /// Completes `x` on every rank: rank r has set `x[ends[r - 1]..ends[r]]`, from 0 for the first.
+    pub fn all_gather_in_place(&self, x: &mut [f64], ends: &[usize]) {
+        let Some(world) = self.world() else { return };
+        let start = Instant::now();
+        let first = |rank: usize| if rank == 0 { 0 } else { ends[rank - 1] };
+        let own = x[first(self.rank)..ends[self.rank]].to_vec();
+        let counts: Vec<i32> = (0..self.size).map(|r| (ends[r] - first(r)) as i32).collect();
+        let displacements: Vec<i32> = (0..self.size).map(|r| first(r) as i32).collect();
+        let mut all = PartitionMut::new(x, counts, displacements);
+        world.all_gather_varcount_into(&own[..], &mut all);
+        self.count(start);
+    }
+
+    /// Sends numbers to the next rank (`up`) or to the one before, and receives those of the rank on the other side. The last rank in this direction
+    /// sends nothing, the first receives nothing.
+    pub fn shift(&self, up: bool, send: &[f64], receive: &mut [f64]) {
+        let Some(world) = self.world() else { return };
+        let start = Instant::now();
+        let (above, below) = (self.rank.checked_add(1).filter(|r| *r < self.size), self.rank.checked_sub(1));
+        let (to, from) = if up { (above, below) } else { (below, above) };
+        let process = |rank: usize| world.process_at_rank(rank as i32);
+        mpi::request::scope(|scope| {
+            let sent = to.map(|r| process(r).immediate_send_with_tag(scope, send, SHIFT));
+            if let Some(r) = from {
+                process(r).receive_into_with_tag(receive, SHIFT);
+            }
+            if let Some(request) = sent {
+                request.wait();
+            }
+        });
+        self.count(start);
     }
 
     /// Sends numbers to one rank, apart from all other messages. May wait (and then

@@ -51,6 +51,7 @@ fn checks(comm: &Comm) {
     letters_arrive_in_order(comm);
     reductions(comm);
     set_up_exchanges(comm);
+    exchanges_of_slabs(comm);
     comm.barrier();
 }
 
@@ -135,4 +136,35 @@ fn set_up_exchanges(comm: &Comm) {
     for (from, got) in comm.all_to_all_var(&sent).iter().enumerate() {
         assert_eq!(*got, vec![(from * 100 + rank) as u64; rank]);
     }
+}
+
+/// Numbers to the ranks next to this one, to all, and a vector that each rank completes.
+fn exchanges_of_slabs(comm: &Comm) {
+    let (rank, size) = (comm.rank(), comm.size());
+    // Long ones do not fit into a buffer of the library: no rank may wait for another in a circle.
+    for n in [3, 20_000] {
+        for up in [true, false] {
+            let mut received = vec![-1.0; n];
+            comm.shift(up, &vec![rank as f64; n], &mut received);
+            let from = if up { rank.checked_sub(1) } else { Some(rank + 1).filter(|r| *r < size) };
+            assert!(received.iter().all(|x| *x == from.map_or(-1.0, |r| r as f64)), "{up} {received:?}");
+        }
+    }
+    let sent: Vec<i32> = (0..size as i32).map(|to| to + 1).collect();
+    let send: Vec<f64> = (0..size).flat_map(|to| vec![(rank * 100 + to) as f64; to + 1]).collect();
+    let mut received = vec![-1.0; size * (rank + 1)];
+    comm.all_to_all_into(&send, &sent, &mut received, &vec![rank as i32 + 1; size]);
+    let wanted: Vec<f64> = (0..size).flat_map(|from| vec![(from * 100 + rank) as f64; rank + 1]).collect();
+    assert_eq!(received, wanted);
+
+    let ends: Vec<usize> = (0..size).map(|r| (r + 1) * (r + 2) / 2).collect();
+    let mut all = vec![-1.0; ends[size - 1]];
+    all[ends[rank] - rank - 1..ends[rank]].fill(rank as f64);
+    comm.all_gather_in_place(&mut all, &ends);
+    let wanted: Vec<f64> = (0..size).flat_map(|r| vec![r as f64; r + 1]).collect();
+    assert_eq!(all, wanted);
+
+    let mut largest = [rank as f64, -(rank as f64)];
+    comm.max_slice(&mut largest);
+    assert_eq!(largest, [(size - 1) as f64, 0.0]);
 }

@@ -119,12 +119,13 @@ impl Case {
         let parts = [predicted, clock.elapsed().as_secs_f64() - predicted];
         let mut at_nodes = vec![Vector3::zeros(); self.nodes];
         self.cut.add_forces(&self.faces, &jumps.jump, &mut at_nodes);
-        let (mut normal, mut wall) =
-            (vec![Vector3::zeros(); self.own.len()], vec![Vector3::zeros(); self.own.len()]);
+        let mut normal = vec![Vector3::zeros(); self.own.len()];
+        let mut wall = vec![0.0; 3 * self.own.len()];
         self.transfer.add_forces(&jumps.jump, &mut normal);
         if let Some(friction) = &self.friction {
-            friction.add_face_forces(1.0, &self.own, &mut wall);
+            friction.add_face_forces(&self.own, &mut wall);
         }
+        let wall: Vec<_> = wall.chunks_exact(3).map(Vector3::from_column_slice).collect();
         let total = |forces: &[Vector3<f64>]| forces.iter().sum::<Vector3<f64>>() / (0.5 * self.area);
         let [cut, normal, wall] = [&at_nodes, &normal, &wall].map(|f| total(f));
         let both = normal + wall;

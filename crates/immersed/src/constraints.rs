@@ -1,9 +1,12 @@
 //! Linear constraints on the velocity of faces.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::grid::{Grid, Velocity};
 use crate::poisson::Box3;
+use crate::slabs::Slabs;
 
 /// [`FluxConstraints::leak`] of airtight cloth. Air in a resolved pocket that cloth encloses has no other way out when the pocket shrinks. Through
 /// airtight cloth passes 1e-5 of the stream in steady flow at a Courant number of 0.1, and 1e-4 for each cell of the radius of the cloth at an
@@ -84,11 +87,6 @@ impl FluxConstraints {
         }
     }
 
-    /// Largest speed at the faces of a row, m/s.
-    pub fn largest_speed(&self, u: &Velocity, row: usize) -> f64 {
-        self.entries(row).map(|((c, at), _)| u[*c as usize][*at].abs()).fold(0.0, f64::max)
-    }
-
     /// Sum of the weights of a row by axis, m2.
     pub fn weight_by_axis(&self, row: usize) -> Vector3<f64> {
         let mut sum = Vector3::zeros();
@@ -99,5 +97,46 @@ impl FluxConstraints {
     /// Sum of squared weights.
     pub fn square(&self, row: usize) -> f64 {
         self.entries(row).map(|(_, w)| w * w).sum()
+    }
+}
+
+/// The faces of constraints in some planes of the grid.
+#[derive(Clone, Debug)]
+pub(crate) struct OwnFaces {
+    /// First entry of each row; one more than rows.
+    offsets: Vec<usize>,
+    /// Component, position in its array, weight (m2).
+    entries: Vec<(u8, usize, f64)>,
+}
+
+impl OwnFaces {
+    /// Of the planes `planes` along z.
+    pub(crate) fn new(rows: &FluxConstraints, slabs: &Slabs, planes: Range<usize>) -> Self {
+        let own = slabs.positions(planes.start as isize..planes.end as isize);
+        let mut faces = Self { offsets: vec![0], entries: Vec::with_capacity(rows.faces.len()) };
+        for row in 0..rows.len() {
+            let entries = rows.entries(row).filter(|((_, at), _)| own.contains(at));
+            faces.entries.extend(entries.map(|((c, at), w)| (*c, *at, *w)));
+            faces.offsets.push(faces.entries.len());
+        }
+        faces
+    }
+
+    fn rows(&self) -> impl Iterator<Item = &[(u8, usize, f64)]> {
+        self.offsets.windows(2).map(|range| &self.entries[range[0]..range[1]])
+    }
+
+    /// Share of these faces in the sum of the weighted velocities of each row, m3/s.
+    pub(crate) fn fluxes(&self, u: &Velocity, fluxes: &mut [f64]) {
+        for (flux, entries) in fluxes.iter_mut().zip(self.rows()) {
+            *flux = entries.iter().map(|(c, at, w)| w * u[*c as usize][*at]).sum();
+        }
+    }
+
+    /// Largest speed at these faces of each row, m/s.
+    pub(crate) fn largest_speeds(&self, u: &Velocity, speeds: &mut [f64]) {
+        for (speed, entries) in speeds.iter_mut().zip(self.rows()) {
+            *speed = entries.iter().map(|(c, at, _)| u[*c as usize][*at].abs()).fold(0.0, f64::max);
+        }
     }
 }

@@ -19,6 +19,8 @@
 //! a division for each value, so that the distance may vanish and the limit of the step is that of the air without walls. The force on the surface is
 //! $`\rho\, \nu\, h^2 (u^\ast - w) / \delta`$: what the air loses in the step, to round-off. Nothing of it enters a later step but by the velocity.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::cut_faces::{Crossing, OutsideCore, Rasteriser};
@@ -113,22 +115,44 @@ impl Friction {
         }
     }
 
-    /// Takes the viscous fluxes between values on different sides of the surface out of the rates (m/s2); `viscosity`: kinematic, m2/s.
-    pub(crate) fn interrupt_fluxes(&self, viscosity: f64, u: &Velocity, rates: &mut Velocity) {
+    /// Takes the viscous fluxes between values on different sides of the surface out of the rates (m/s2) of values at the positions `own`;
+    /// `viscosity`: kinematic, m2/s.
+    pub(crate) fn interrupt_fluxes(
+        &self,
+        viscosity: f64,
+        u: &Velocity,
+        own: &Range<usize>,
+        rates: &mut Velocity,
+    ) {
         let factor = viscosity / (self.spacing * self.spacing);
         for Segment { component, at: [low, high] } in &self.segments {
             let (u, rates) = (&u[*component as usize], &mut rates[*component as usize]);
             let flux = factor * (u[*high] - u[*low]);
-            rates[*low] -= flux;
-            rates[*high] += flux;
+            if own.contains(low) {
+                rates[*low] -= flux;
+            }
+            if own.contains(high) {
+                rates[*high] += flux;
+            }
         }
     }
 
-    /// Adds the wall stress over a step of `dt` s to the predicted velocity.
-    pub(crate) fn apply(&mut self, density: f64, viscosity: f64, dt: f64, predicted: &mut Velocity) {
+    /// Adds the wall stress over a step of `dt` s to the predicted velocity at the positions `own`; the forces of others are zero.
+    pub(crate) fn apply(
+        &mut self,
+        density: f64,
+        viscosity: f64,
+        dt: f64,
+        own: &Range<usize>,
+        predicted: &mut Velocity,
+    ) {
         let factor = viscosity * dt / self.spacing;
         let mass = density * self.spacing.powi(3);
         for sides in self.sides.chunk_by_mut(|a, b| (a.component, a.at) == (b.component, b.at)) {
+            if !own.contains(&sides[0].at) {
+                sides.iter_mut().for_each(|s| s.force = 0.0);
+                continue;
+            }
             let weight = 1.0 + sides.iter().map(|s| factor / s.distance).sum::<f64>();
             let u = &mut predicted[sides[0].component as usize][sides[0].at];
             let mut lost = 0.0;
@@ -145,7 +169,7 @@ impl Friction {
         }
     }
 
-    /// Adds the forces of the air on the nodes in the last step, N.
+    /// Adds the forces of the air on the nodes in the last step, N: those of this rank.
     pub fn add_node_forces(&self, faces: &[[u32; 3]], forces: &mut [Vector3<f64>]) {
         for side in &self.sides {
             for (node, share) in faces[side.triangle as usize].iter().zip(&side.shares) {
@@ -154,10 +178,11 @@ impl Friction {
         }
     }
 
-    /// Adds `share` of the forces of the air in the last step, N, to those on faces; `face_of` is the face of each triangle.
-    pub fn add_face_forces(&self, share: f64, face_of: &[u32], forces: &mut [Vector3<f64>]) {
+    /// Adds the forces of the air in the last step, N, to those on faces, three numbers for each: those of this rank. `face_of` is the face of
+    /// each triangle.
+    pub fn add_face_forces(&self, face_of: &[u32], forces: &mut [f64]) {
         for side in &self.sides {
-            forces[face_of[side.triangle as usize] as usize][side.component as usize] += share * side.force;
+            forces[3 * face_of[side.triangle as usize] as usize + side.component as usize] += side.force;
         }
     }
 

@@ -3,9 +3,12 @@
 //! Component c of the velocity lies on the lower face of its cell along c (marker and cell, Harlow and Welch 1965). All arrays have
 //! the same shape with [`GHOSTS`] layers around the cells, x fastest, so that a neighbour along d is a constant stride away.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
+use crate::slabs::Slabs;
 
 /// Layers of cells around the grid that boundary conditions fill.
 pub const GHOSTS: usize = 2;
@@ -79,7 +82,7 @@ impl Grid {
     }
 
     /// Faces of component `c` along c whose velocity is solved for: all but those that the far field sets.
-    pub fn unknown_faces(&self, c: usize) -> std::ops::Range<usize> {
+    pub fn unknown_faces(&self, c: usize) -> Range<usize> {
         let n = self.axes[c].len();
         match self.ends[c] {
             Ends::Periodic => 0..n,
@@ -107,23 +110,25 @@ impl Grid {
     }
 
     /// All cells.
-    pub fn all_cells(&self) -> [std::ops::Range<usize>; 3] {
+    pub fn all_cells(&self) -> [Range<usize>; 3] {
         [0, 1, 2].map(|d| 0..self.axes[d].len())
     }
 
-    /// Sets the velocity through an outflow to that of the face before it.
-    pub fn copy_to_outflow(&self, u: &mut Velocity) {
+    /// Sets the velocity through an outflow to that of the face before it, in the planes along z that `slabs` sets.
+    pub fn copy_to_outflow(&self, u: &mut Velocity, slabs: &Slabs) {
+        let own = slabs.own();
         for (c, u) in u.iter_mut().enumerate() {
             let Ends::Open(ends) = self.ends[c] else { continue };
             let [a, b] = [(c + 1) % 3, (c + 2) % 3];
             for (end, (face, inner)) in
                 ends.iter().zip([(0, 1), (self.axes[c].len(), self.axes[c].len() - 1)])
             {
-                if *end != End::Outflow {
+                if *end != End::Outflow || (c == 2 && !slabs.ends()[usize::from(face > 0)]) {
                     continue;
                 }
-                for q in 0..self.axes[b].len() {
-                    for p in 0..self.axes[a].len() {
+                let cells = |axis: usize| if axis == 2 { own.clone() } else { 0..self.axes[axis].len() };
+                for q in cells(b) {
+                    for p in cells(a) {
                         let at = |i: usize| {
                             let mut cell = [0; 3];
                             (cell[a], cell[b], cell[c]) = (p as isize, q as isize, i as isize);
@@ -136,60 +141,82 @@ impl Grid {
         }
     }
 
-    /// Fills the ghosts of `u` and the faces that the far field's velocity `far` (m/s) sets.
-    pub fn fill_ghosts(&self, u: &mut Velocity, far: Vector3<f64>) {
+    /// Fills the ghosts of `u` and the faces that the far field's velocity `far` (m/s) sets, in the planes along z that `slabs` sets.
+    pub fn fill_ghosts(&self, u: &mut Velocity, far: Vector3<f64>, slabs: &Slabs) {
+        let planes = slabs.set_planes();
         for (c, values) in u.iter_mut().enumerate() {
-            for d in 0..3 {
-                self.fill_end(values, c, d, far[c]);
+            for d in 0..2 {
+                self.fill_ends(values, [c, d], far[c], [true; 2], &planes);
             }
+            self.fill_ends(values, [c, 2], far[c], slabs.ends(), &planes);
         }
     }
 
-    /// Fills both ends of axis `d` for component `c`.
-    fn fill_end(&self, u: &mut [f64], c: usize, d: usize, far: f64) {
+    /// Fills those of the two `ends` of axis `d` for component `c`, within `planes` along z.
+    fn fill_ends(&self, u: &mut [f64], [c, d]: [usize; 2], far: f64, ends: [bool; 2], planes: &Range<isize>) {
         let (n, s) = (self.axes[d].len() as isize, self.strides[d]);
         let [a, b] = [(d + 1) % 3, (d + 2) % 3];
-        let extent = |axis: usize| self.axes[axis].len() + 2 * GHOSTS;
-        for q in 0..extent(b) {
-            for p in 0..extent(a) {
+        let g = GHOSTS as isize;
+        let extent = |axis: usize| match axis {
+            2 => (planes.start + g) as usize..(planes.end + g) as usize,
+            _ => 0..self.axes[axis].len() + 2 * GHOSTS,
+        };
+        for q in extent(b) {
+            for p in extent(a) {
                 let base = p * self.strides[a] + q * self.strides[b];
-                let at = |i: isize| base + (i + GHOSTS as isize) as usize * s;
                 match self.ends[d] {
                     Ends::Periodic => {
+                        let at = |i: isize| base + (i + g) as usize * s;
                         for layer in 1..=GHOSTS as isize {
                             u[at(-layer)] = u[at(n - layer)];
                             u[at(n + layer - 1)] = u[at(layer - 1)];
                         }
                     }
                     Ends::Open([low, high]) => {
-                        // The boundary is face 0 of a normal component, else between cells -1 and 0.
-                        let (own, first) = if c == d { (0, 1) } else { (-1, 0) };
-                        if c == d && low != End::Outflow {
-                            u[at(0)] = far;
+                        let at = |i: isize| base + (i + g) as usize * s;
+                        if ends[0] {
+                            fill_low(u, at, low, far, c == d);
                         }
-                        for layer in 1..=GHOSTS as isize {
-                            u[at(-layer)] = match low {
-                                End::Inflow => far,
-                                End::Slip if c == d => 2.0 * far - u[at(layer)],
-                                End::Slip => u[at(layer - 1)],
-                                End::Outflow => u[at(own + 1)],
-                            };
-                        }
-                        if c == d && high != End::Outflow {
-                            u[at(n)] = far;
-                        }
-                        for layer in first..GHOSTS as isize {
-                            u[at(n + layer)] = match high {
-                                End::Inflow => far,
-                                End::Slip if c == d => 2.0 * far - u[at(n - layer)],
-                                End::Slip => u[at(n - layer - 1)],
-                                End::Outflow if c == d => u[at(n)],
-                                End::Outflow => u[at(n - 1)],
-                            };
+                        if ends[1] {
+                            fill_high(u, at, high, far, c == d, n);
                         }
                     }
                 }
             }
         }
+    }
+}
+
+/// Fills the low end of a line. The boundary is face 0 of a normal component (`normal`), else between cells -1 and 0.
+#[inline(always)]
+fn fill_low(u: &mut [f64], at: impl Fn(isize) -> usize, end: End, far: f64, normal: bool) {
+    let own = if normal { 0 } else { -1 };
+    if normal && end != End::Outflow {
+        u[at(0)] = far;
+    }
+    for layer in 1..=GHOSTS as isize {
+        u[at(-layer)] = match end {
+            End::Inflow => far,
+            End::Slip if normal => 2.0 * far - u[at(layer)],
+            End::Slip => u[at(layer - 1)],
+            End::Outflow => u[at(own + 1)],
+        };
+    }
+}
+
+/// Fills the high end of a line of `n` cells.
+#[inline(always)]
+fn fill_high(u: &mut [f64], at: impl Fn(isize) -> usize, end: End, far: f64, normal: bool, n: isize) {
+    if normal && end != End::Outflow {
+        u[at(n)] = far;
+    }
+    for layer in isize::from(normal)..GHOSTS as isize {
+        u[at(n + layer)] = match end {
+            End::Inflow => far,
+            End::Slip if normal => 2.0 * far - u[at(n - layer)],
+            End::Slip => u[at(n - layer - 1)],
+            End::Outflow if normal => u[at(n)],
+            End::Outflow => u[at(n - 1)],
+        };
     }
 }

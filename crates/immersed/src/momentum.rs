@@ -9,6 +9,8 @@
 //! with $`v_d`$ the mean over the face of the velocity relative to the grid, which conserves mass in the volume. The upwind share $`s`$ is 0
 //! for central differences of fourth order and 1 for upwind ones of third order.
 
+use std::ops::Range;
+
 use nalgebra::Vector3;
 
 use crate::grid::{End, Ends, GHOSTS, Grid, Velocity};
@@ -74,12 +76,23 @@ impl Line {
 
 impl Momentum {
     /// Rates of change of `u` (m/s2) without pressure, on a grid that moves with the velocity `frame` (m/s). The ghosts of `u` are filled.
-    /// Rates at faces that the far field sets have no meaning.
-    pub fn rates(&self, grid: &Grid, u: &Velocity, frame: Vector3<f64>, rates: &mut Velocity) {
+    /// Rates at faces that the far field sets have no meaning. `planes`: cells along z for which the rates are wanted.
+    pub fn rates(
+        &self,
+        grid: &Grid,
+        u: &Velocity,
+        frame: Vector3<f64>,
+        planes: Range<usize>,
+        rates: &mut Velocity,
+    ) {
+        let planes = planes.start as isize..planes.end as isize;
+        let array = grid.at([-(GHOSTS as isize), -(GHOSTS as isize), planes.start]);
+        let length = planes.len() * grid.strides[2];
         for (c, rates) in rates.iter_mut().enumerate() {
-            rates.fill(0.0);
+            rates[array..array + length].fill(0.0);
             for d in 0..3 {
-                let pass = Pass { grid, momentum: self, c, d, frame: frame[d], line: Line::new(grid, c, d) };
+                let line = Line::new(grid, c, d);
+                let pass = Pass { grid, momentum: self, c, d, frame: frame[d], line, planes: planes.clone() };
                 match (d, c) {
                     (0, 0) => pass.along_x::<true>(u, rates),
                     (0, _) => pass.along_x::<false>(u, rates),
@@ -99,6 +112,8 @@ struct Pass<'a> {
     d: usize,
     frame: f64,
     line: Line,
+    /// Cells along z.
+    planes: Range<isize>,
 }
 
 impl Pass<'_> {
@@ -114,11 +129,11 @@ impl Pass<'_> {
 
     /// Fluxes along x. `OWN`: c is x.
     fn along_x<const OWN: bool>(&self, u: &Velocity, rates: &mut [f64]) {
-        let [nx, ny, nz] = self.grid.cells();
+        let [nx, ny, _] = self.grid.cells();
         let share = self.momentum.upwind_share / 12.0;
         let mut f = vec![0.0; nx + 1];
         let k: Vec<f64> = self.line.distance.iter().map(|d| self.momentum.viscosity * d).collect();
-        for z in 0..nz as isize {
+        for z in self.planes.clone() {
             for y in 0..ny as isize {
                 let start = self.grid.at([0, y, z]);
                 let own = &u[self.c][start - 2..start + nx + 2];
@@ -161,8 +176,10 @@ impl Pass<'_> {
         let share = self.momentum.upwind_share / 12.0;
         let weights: Vec<[f64; 2]> = (0..nx).map(|i| shares(self.grid, 0, i)).collect();
         let (mut before, mut f) = (vec![0.0; nx], vec![0.0; nx]);
-        for o in 0..n[other] as isize {
-            for m in -1..n[d] as isize {
+        let cells = |axis: usize| if axis == 2 { self.planes.clone() } else { 0..n[axis] as isize };
+        for o in cells(other) {
+            let along = cells(d);
+            for m in along.start - 1..along.end {
                 let mut cell = [0; 3];
                 (cell[d], cell[other]) = (m, o);
                 let start = self.grid.at(cell);
@@ -194,7 +211,7 @@ impl Pass<'_> {
                             flux(w, self.limited(low * below[i] + high * above[i] - self.frame, m), share, k);
                     }
                 }
-                if m >= 0 {
+                if m >= along.start {
                     let width = self.line.width[m as usize];
                     for ((rate, f), before) in rates[start..start + nx].iter_mut().zip(&f).zip(&before) {
                         *rate -= (f - before) * width;

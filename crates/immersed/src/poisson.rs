@@ -7,6 +7,9 @@
 //! with the widths $`M`$ and the differences $`K`$ of each axis. Eigenvectors of $`K v = \lambda M v`$ along x and y leave a tridiagonal
 //! system along z for each pair of modes. The solution is exact to round-off, at a cost of $`4 (n_x + n_y)`$ multiplications a cell.
 //! A source that fills a box only, with the solution wanted in that box only, takes the modes of the whole grid with the rows of the box.
+//!
+//! On several ranks each transforms its own planes of the box and solves along z for its own modes; between the two all ranks exchange
+//! their shares.
 
 use std::ops::Range;
 
@@ -14,6 +17,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, MatMut, MatRef, Par, Side};
 
 use crate::grid::{End, Ends, Grid};
+use crate::slabs::{Slabs, share};
 
 /// Cells from the first to the last along x, y, z.
 pub type Box3 = [Range<usize>; 3];
@@ -30,9 +34,12 @@ pub struct Poisson {
     coupling: Vec<f64>,
     /// Diagonal of $`K_z`$ and widths along z.
     diagonal: [Vec<f64>; 2],
-    /// Inverse pivots of the elimination from below, for each cell along z and pair of modes.
+    /// Pairs of modes for which this rank solves along z, x fastest.
+    own_modes: Range<usize>,
+    /// Inverse pivots of the elimination from below, for each cell along z and own pair of modes.
     pivots: Vec<f64>,
-    work: [Vec<f64>; 2],
+    /// Planes of modes in x, planes of modes in x and y, and lines of own modes along z.
+    work: [Vec<f64>; 3],
 }
 
 /// Differences of one axis: diagonal and coupling of cells i - 1 and i (that of the ends of a periodic axis last).
@@ -82,11 +89,11 @@ fn eigen(grid: &Grid, d: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 impl Poisson {
-    /// Solver for the cells of `grid`. Without an outflow the pressure has mean zero in its constant mode.
+    /// Solver for the cells of `grid`, of which this rank has a slab. Without an outflow the pressure has mean zero in its constant mode.
     ///
     /// # Panics
     /// The axis z is periodic, or the grid has fewer than two cells along an axis.
-    pub fn new(grid: &Grid) -> Self {
+    pub fn new(grid: &Grid, slabs: &Slabs) -> Self {
         let n = grid.cells();
         assert!(
             matches!(grid.ends[2], Ends::Open(_)) && n.iter().all(|n| *n > 1),
@@ -96,115 +103,200 @@ impl Poisson {
         let (kz, coupling) = differences(grid, 2);
         let mz = grid.axes[2].widths.clone();
         let plane = n[0] * n[1];
-        let mut pivots = vec![0.0; plane * n[2]];
+        let own_modes = slabs.share(plane);
+        let own = own_modes.len();
+        let mut pivots = vec![0.0; own * n[2]];
         for k in 0..n[2] {
-            let eigenvalues = ly.iter().flat_map(|y| lx.iter().map(move |x| x + y));
-            for (m, lambda) in eigenvalues.enumerate() {
-                let mut d = kz[k] + lambda * mz[k];
+            for m in 0..own {
+                let mode = own_modes.start + m;
+                let mut d = kz[k] + (ly[mode / n[0]] + lx[mode % n[0]]) * mz[k];
                 if k > 0 {
-                    d -= coupling[k] * coupling[k] * pivots[(k - 1) * plane + m];
+                    d -= coupling[k] * coupling[k] * pivots[(k - 1) * own + m];
                 }
                 // The constant mode of a closed grid: its last pivot vanishes.
-                pivots[k * plane + m] = if d > 1e-12 * kz[k].max(coupling[k]) { 1.0 / d } else { 0.0 };
+                pivots[k * own + m] = if d > 1e-12 * kz[k].max(coupling[k]) { 1.0 / d } else { 0.0 };
             }
         }
-        let work = [vec![0.0; plane * n[2]], vec![0.0; plane * n[2]]];
-        Self { n, modes: [vx, vy], eigenvalues: [lx, ly], coupling, diagonal: [kz, mz], pivots, work }
+        let planes = (0..slabs.ranks().size()).map(|r| share(n[2], r, slabs.ranks().size()).len()).max();
+        let most = plane * planes.unwrap_or(0);
+        // A single rank solves along z where its modes are.
+        let lines = if slabs.alone() { 0 } else { own * n[2] };
+        let work = [vec![0.0; most], vec![0.0; most], vec![0.0; lines]];
+        Self {
+            n,
+            modes: [vx, vy],
+            eigenvalues: [lx, ly],
+            coupling,
+            diagonal: [kz, mz],
+            own_modes,
+            pivots,
+            work,
+        }
     }
 
-    /// Solves for `p` in place of the source, both without ghosts, x fastest.
-    pub fn solve(&mut self, p: &mut [f64]) {
+    /// Solves for `p` in place of the source, both in the own planes without ghosts, x fastest.
+    pub fn solve(&mut self, p: &mut [f64], slabs: &Slabs) {
         let all = [0, 1, 2].map(|d| 0..self.n[d]);
-        self.solve_in(p, &all, &[]);
+        self.solve_in(p, &all, &[], slabs);
     }
 
-    /// Inverse pivots of the last cell of `range` along z, with all cells above it eliminated; for [`Self::solve_in`].
+    /// Inverse pivots of the last cell of `range` along z, with all cells above it eliminated, for the own modes; for [`Self::solve_in`].
     pub fn closure(&self, range: &Range<usize>) -> Vec<f64> {
-        let (plane, n) = (self.n[0] * self.n[1], self.n[2]);
+        let n = self.n[2];
         let [kz, mz] = &self.diagonal;
-        let mut closure = vec![0.0; plane];
-        for j in 0..self.n[1] {
-            for i in 0..self.n[0] {
-                let m = j * self.n[0] + i;
-                let lambda = self.eigenvalues[0][i] + self.eigenvalues[1][j];
-                let mut above = 0.0;
-                for k in (range.end..n).rev() {
-                    let d = kz[k] + lambda * mz[k] - above;
-                    above = self.coupling[k] * self.coupling[k] / d;
-                }
-                let pivot = self.pivots[(range.end - 1) * plane + m];
-                let own = if pivot > 0.0 { 1.0 / pivot - above } else { 0.0 };
-                closure[m] = if own > 0.0 { 1.0 / own } else { 0.0 };
+        let own = self.own_modes.len();
+        let mut closure = vec![0.0; own];
+        for (m, mode) in self.own_modes.clone().enumerate() {
+            let lambda = self.eigenvalues[0][mode % self.n[0]] + self.eigenvalues[1][mode / self.n[0]];
+            let mut above = 0.0;
+            for k in (range.end..n).rev() {
+                let d = kz[k] + lambda * mz[k] - above;
+                above = self.coupling[k] * self.coupling[k] / d;
             }
+            let pivot = self.pivots[(range.end - 1) * own + m];
+            let inverse = if pivot > 0.0 { 1.0 / pivot - above } else { 0.0 };
+            closure[m] = if inverse > 0.0 { 1.0 / inverse } else { 0.0 };
         }
         closure
     }
 
     /// Solves in place for a source that vanishes outside `cells`, in these cells only; `closure` is that of their range along z,
-    /// or empty where they reach the end.
-    pub fn solve_in(&mut self, p: &mut [f64], cells: &Box3, closure: &[f64]) {
+    /// or empty where they reach the end. `p` has the planes of `cells` that are this rank's share of them.
+    pub fn solve_in(&mut self, p: &mut [f64], cells: &Box3, closure: &[f64], slabs: &Slabs) {
         let [bx, by, bz] = [cells[0].len(), cells[1].len(), cells[2].len()];
         let [nx, ny, _] = self.n;
-        assert_eq!(p.len(), bx * by * bz);
-        let [first, second] = &mut self.work;
+        let planes = slabs.share(bz).len();
+        assert_eq!(p.len(), bx * by * planes);
+        let [first, second, lines] = &mut self.work;
         let vx = MatRef::from_column_major_slice(&self.modes[0], nx, nx).subrows(cells[0].start, bx);
         let vy = MatRef::from_column_major_slice(&self.modes[1], ny, ny).subrows(cells[1].start, by);
-        let of_x = &mut first[..nx * by * bz];
-        let source = MatRef::from_column_major_slice(p, bx, by * bz);
-        let out = MatMut::from_column_major_slice_mut(of_x, nx, by * bz);
+        let of_x = &mut first[..nx * by * planes];
+        let source = MatRef::from_column_major_slice(p, bx, by * planes);
+        let out = MatMut::from_column_major_slice_mut(of_x, nx, by * planes);
         matmul(out, Accum::Replace, vx.transpose(), source, 1.0, Par::Seq);
-        for k in 0..bz {
+        for k in 0..planes {
             let out = MatMut::from_column_major_slice_mut(&mut second[k * nx * ny..][..nx * ny], nx, ny);
             let rows = MatRef::from_column_major_slice(&of_x[k * nx * by..][..nx * by], nx, by);
             matmul(out, Accum::Replace, rows, vy, 1.0, Par::Seq);
         }
-        along_z(&mut second[..nx * ny * bz], nx * ny, &self.pivots, &self.coupling, &cells[2], closure);
-        for k in 0..bz {
+        let modes = &mut second[..nx * ny * planes];
+        let own = self.own_modes.len();
+        let along = AlongZ { own, pivots: &self.pivots, coupling: &self.coupling, range: &cells[2], closure };
+        if slabs.alone() {
+            along.solve(modes);
+        } else {
+            let lines = &mut lines[..own * bz];
+            let exchange = Exchange::new(slabs, nx * ny, bz);
+            exchange.to_lines(modes, &mut first[..nx * ny * planes], lines);
+            along.solve(lines);
+            exchange.to_planes(lines, &mut first[..nx * ny * planes], modes);
+        }
+        let of_x = &mut first[..nx * by * planes];
+        for k in 0..planes {
             let out = MatMut::from_column_major_slice_mut(&mut of_x[k * nx * by..][..nx * by], nx, by);
             let modes = MatRef::from_column_major_slice(&second[k * nx * ny..][..nx * ny], nx, ny);
             matmul(out, Accum::Replace, modes, vy.transpose(), 1.0, Par::Seq);
         }
-        let result = MatMut::from_column_major_slice_mut(p, bx, by * bz);
-        let rows = MatRef::from_column_major_slice(of_x, nx, by * bz);
+        let result = MatMut::from_column_major_slice_mut(p, bx, by * planes);
+        let rows = MatRef::from_column_major_slice(of_x, nx, by * planes);
         matmul(result, Accum::Replace, vx, rows, 1.0, Par::Seq);
     }
 }
 
-/// The tridiagonal systems along z of all pairs of modes: planes of `plane` modes, for the cells of `range`.
-fn along_z(
-    q: &mut [f64],
-    plane: usize,
-    pivots: &[f64],
-    coupling: &[f64],
-    range: &Range<usize>,
-    closure: &[f64],
-) {
-    for (k, at) in range.clone().enumerate().skip(1) {
-        let (below, own) = q.split_at_mut(k * plane);
-        let (below, own, g) = (&below[(k - 1) * plane..], &mut own[..plane], coupling[at]);
-        for ((own, below), pivot) in own.iter_mut().zip(below).zip(&pivots[(at - 1) * plane..]) {
-            *own += g * pivot * below;
+/// Exchange between planes of all modes and lines along z of own modes.
+struct Exchange<'a> {
+    slabs: &'a Slabs,
+    /// Modes of each rank, in a plane.
+    modes: Vec<Range<usize>>,
+    /// Numbers that go to each rank from planes, and that come from each to lines.
+    sent: Vec<usize>,
+    received: Vec<usize>,
+}
+
+impl<'a> Exchange<'a> {
+    fn new(slabs: &'a Slabs, plane: usize, height: usize) -> Self {
+        let size = slabs.ranks().size();
+        let modes: Vec<_> = (0..size).map(|r| share(plane, r, size)).collect();
+        let own = slabs.share(plane).len();
+        let planes = slabs.share(height).len();
+        let sent = modes.iter().map(|m| m.len() * planes).collect();
+        let received = (0..size).map(|r| share(height, r, size).len() * own).collect();
+        Self { slabs, modes, sent, received }
+    }
+
+    fn plane(&self) -> usize {
+        self.modes.last().map_or(0, |m| m.end)
+    }
+
+    fn to_lines(&self, planes: &[f64], packed: &mut [f64], lines: &mut [f64]) {
+        let mut rest = &mut packed[..];
+        for modes in &self.modes {
+            for plane in planes.chunks_exact(self.plane()) {
+                let (own, after) = rest.split_at_mut(modes.len());
+                own.copy_from_slice(&plane[modes.clone()]);
+                rest = after;
+            }
+        }
+        self.slabs.ranks().all_to_all(packed, &self.sent, lines, &self.received);
+    }
+
+    fn to_planes(&self, lines: &[f64], packed: &mut [f64], planes: &mut [f64]) {
+        self.slabs.ranks().all_to_all(lines, &self.received, packed, &self.sent);
+        let mut rest = &packed[..];
+        for modes in &self.modes {
+            for plane in planes.chunks_exact_mut(self.plane()) {
+                let (own, after) = rest.split_at(modes.len());
+                plane[modes.clone()].copy_from_slice(own);
+                rest = after;
+            }
         }
     }
-    let last = range.len() - 1;
-    let end = if closure.is_empty() { &pivots[(range.end - 1) * plane..range.end * plane] } else { closure };
-    for (own, pivot) in q[last * plane..].iter_mut().zip(end) {
-        *own *= pivot;
-    }
-    for (k, at) in range.clone().enumerate().take(last).rev() {
-        let (own, above) = q.split_at_mut((k + 1) * plane);
-        let g = coupling[at + 1];
-        for ((own, above), pivot) in own[k * plane..].iter_mut().zip(above.iter()).zip(&pivots[at * plane..])
-        {
-            *own = pivot * (*own + g * above);
+}
+
+/// The tridiagonal systems along z of own modes, for the cells of a range.
+struct AlongZ<'a> {
+    /// Number of own modes.
+    own: usize,
+    pivots: &'a [f64],
+    coupling: &'a [f64],
+    range: &'a Range<usize>,
+    closure: &'a [f64],
+}
+
+impl AlongZ<'_> {
+    /// Solves in place; `q` has a plane of own modes for each cell of the range.
+    fn solve(&self, q: &mut [f64]) {
+        let Self { own: plane, pivots, coupling, range, closure } = *self;
+        for (k, at) in range.clone().enumerate().skip(1) {
+            let (below, own) = q.split_at_mut(k * plane);
+            let (below, own, g) = (&below[(k - 1) * plane..], &mut own[..plane], coupling[at]);
+            for ((own, below), pivot) in own.iter_mut().zip(below).zip(&pivots[(at - 1) * plane..]) {
+                *own += g * pivot * below;
+            }
+        }
+        let last = range.len() - 1;
+        let end =
+            if closure.is_empty() { &pivots[(range.end - 1) * plane..range.end * plane] } else { closure };
+        for (own, pivot) in q[last * plane..].iter_mut().zip(end) {
+            *own *= pivot;
+        }
+        for (k, at) in range.clone().enumerate().take(last).rev() {
+            let (own, above) = q.split_at_mut((k + 1) * plane);
+            let (g, own) = (coupling[at + 1], &mut own[k * plane..]);
+            for ((own, above), pivot) in own.iter_mut().zip(above.iter()).zip(&pivots[at * plane..]) {
+                *own = pivot * (*own + g * above);
+            }
         }
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::rc::Rc;
+
     use super::*;
     use crate::axis::Axis;
+    use crate::slabs::Alone;
 
     const OPEN: Ends = Ends::Open([End::Slip, End::Slip]);
 
@@ -270,7 +362,8 @@ mod tests {
                 source.iter_mut().for_each(|s| *s -= mean);
             }
             let mut p = source.clone();
-            Poisson::new(&grid).solve(&mut p);
+            let slabs = Slabs::new(Rc::new(Alone), &grid).expect("one slab");
+            Poisson::new(&grid, &slabs).solve(&mut p, &slabs);
             let error = apply(&grid, &p).iter().zip(&source).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(error < 1e-11, "{x:?} {top:?}: {error:e}");
         }
@@ -280,7 +373,8 @@ mod tests {
     fn solution_in_a_box_is_that_of_the_whole_grid() {
         let grid = grid(OPEN, End::Outflow);
         let n = grid.cells();
-        let mut poisson = Poisson::new(&grid);
+        let slabs = Slabs::new(Rc::new(Alone), &grid).expect("one slab");
+        let mut poisson = Poisson::new(&grid, &slabs);
         let cells = [2..7, 1..n[1] - 1, 3..8];
         let [bx, by, bz] = [cells[0].len(), cells[1].len(), cells[2].len()];
         let mut inside = noise(bx * by * bz);
@@ -292,9 +386,9 @@ mod tests {
         for (m, value) in inside.iter().enumerate() {
             whole[place(m)] = *value;
         }
-        poisson.solve(&mut whole);
+        poisson.solve(&mut whole, &slabs);
         let closure = poisson.closure(&cells[2]);
-        poisson.solve_in(&mut inside, &cells, &closure);
+        poisson.solve_in(&mut inside, &cells, &closure, &slabs);
         for (m, value) in inside.iter().enumerate() {
             assert!((value - whole[place(m)]).abs() < 1e-12, "{m}");
         }

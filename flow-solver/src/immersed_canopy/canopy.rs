@@ -1,5 +1,7 @@
 //! The canopy as a triangulated surface.
 
+use std::ops::Range;
+
 use channel::LOAD_WIDTH;
 use mesh::StructureMesh;
 use nalgebra::Vector3;
@@ -92,10 +94,17 @@ impl CanopySurface {
         of(a, b, middle) + of(b, c, middle) + of(c, d, middle) + of(d, a, middle)
     }
 
-    /// Pressure jump and traction, Pa, of each face from the force on it, N; `load` is `[faces][LOAD_WIDTH]`. A face that is folded in two has
+    /// Pressure jump and traction, Pa, of some faces from the forces on all, N; `load` is `[faces][LOAD_WIDTH]`. A face that is folded in two has
     /// an area vector near zero: below [`LEAST_OPENING`] of its unfolded area the load is that on this share of the area.
-    pub fn loads(&self, nodes: &[Vector3<f64>], forces: &[Vector3<f64>], load: &mut [f64]) {
-        for (f, (force, row)) in forces.iter().zip(load.chunks_exact_mut(LOAD_WIDTH)).enumerate() {
+    pub fn loads(
+        &self,
+        faces: Range<usize>,
+        nodes: &[Vector3<f64>],
+        forces: &[Vector3<f64>],
+        load: &mut [f64],
+    ) {
+        for (f, row) in faces.zip(load.chunks_exact_mut(LOAD_WIDTH)) {
+            let force = forces[f];
             let area = self.area(f, nodes);
             let size = area.norm().max(LEAST_OPENING * self.unfolded_area(f, nodes));
             if size <= 0.0 {
@@ -129,7 +138,7 @@ mod tests {
         assert_eq!(surface.vertices(&nodes, Vector3::zeros()).len(), 5);
         let forces = vec![Vector3::new(1.0, -2.0, 5.0), Vector3::new(0.3, 0.0, -1.0)];
         let mut load = vec![0.0; 8];
-        surface.loads(&nodes, &forces, &mut load);
+        surface.loads(0..2, &nodes, &forces, &mut load);
         for f in 0..2 {
             let area = surface.area(f, &nodes);
             let row = &load[4 * f..4 * f + 4];

@@ -8,6 +8,7 @@ use immersed::cut_faces::MARGIN;
 use immersed::flow::Flow;
 use immersed::grid::Grid;
 use immersed::placement::{Placement, bounds};
+use immersed::slabs::TooManyRanks;
 use nalgebra::Vector3;
 
 /// Rate at which the grid closes the distance to the canopy, in speeds of the stream over extents of the canopy.
@@ -30,6 +31,17 @@ pub struct TooManyCells {
     pub size: f64,
     /// Cells.
     pub cells: f64,
+}
+
+/// No new grid around the canopy.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum NoGrid {
+    /// A canopy too large.
+    #[error(transparent)]
+    Cells(#[from] TooManyCells),
+    /// A grid too small for the ranks.
+    #[error(transparent)]
+    Ranks(#[from] TooManyRanks),
 }
 
 /// Where the grid is.
@@ -93,15 +105,15 @@ impl MovingGrid {
     /// A new grid around the points, with the flow of the old one.
     ///
     /// # Errors
-    /// As [`Self::around`].
+    /// As [`Self::around`], and a grid with too few cells for the ranks.
     pub fn follow(
         &mut self,
         flow: &mut Flow,
         points: &[Vector3<f64>],
         stream: Vector3<f64>,
-    ) -> Result<(), TooManyCells> {
+    ) -> Result<(), NoGrid> {
         let (new, grid) = Self::around(self.placement, points, stream)?;
-        *flow = flow.on_grid(grid, new.origin - self.origin);
+        *flow = flow.on_grid(grid, new.origin - self.origin)?;
         *self = Self { new_grids: self.new_grids + 1, ..new };
         Ok(())
     }

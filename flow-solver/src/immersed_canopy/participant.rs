@@ -1,6 +1,8 @@
 //! The immersed flow as the rest of the system sees it.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
 use std::time::Instant as Clock;
 
 use case::{Role, Scene, StageKind, StageTimes, Wind};
@@ -9,11 +11,13 @@ use comm::Comm;
 use immersed::flow::{Flow, FlowState, Settings};
 use immersed::momentum::Momentum;
 use immersed::placement::Placement;
+use immersed::slabs::{Ranks, share};
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
 use super::moving_grid::MovingGrid;
+use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
 use super::step::{Cut, OpenWindow, Solution, Start};
@@ -29,6 +33,8 @@ const LINEAR_CLOTH: f64 = 1e-4;
 /// The flow-solver around an immersed canopy.
 pub struct ImmersedParticipant {
     surface: CanopySurface,
+    /// Faces whose load this rank returns.
+    faces: Range<usize>,
     structure: StructureMesh,
     flow: Flow,
     grid: MovingGrid,
@@ -65,7 +71,7 @@ struct Begin {
 /// Creates the participant of `stage`; `resume`: folder of a state within the stage.
 ///
 /// # Errors
-/// More than one rank, a saved state that does not fit.
+/// More ranks than the grid has slabs, a saved state that does not fit.
 pub fn participant(
     scene: &Scene,
     stage: usize,
@@ -73,16 +79,11 @@ pub fn participant(
     resume: Option<&Path>,
     comm: &Comm,
 ) -> Result<ImmersedParticipant, Fault> {
-    if comm.size() > 1 {
-        return Err(Fault::new(format!(
-            "the immersed flow runs on one rank, not on {}; set ranks.flow = 1",
-            comm.size()
-        )));
-    }
     let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
     let surface = CanopySurface::new(&structure);
     let begin = Begin::of(scene, stage, out, &structure)?;
-    let mut participant = ImmersedParticipant::new(scene, stage, out, structure, surface, begin)?;
+    let ranks = Rc::new(FlowRanks(comm.clone()));
+    let mut participant = ImmersedParticipant::new(scene, stage, out, (structure, surface), begin, ranks)?;
     let source = match resume {
         Some(folder) => Some(case::state_file(folder, Role::Flow)),
         None => scene.source_state(out, stage, Role::Flow),
@@ -139,9 +140,9 @@ impl ImmersedParticipant {
         scene: &Scene,
         stage: usize,
         out: &Path,
-        structure: StructureMesh,
-        surface: CanopySurface,
+        (structure, surface): (StructureMesh, CanopySurface),
         begin: Begin,
+        ranks: Rc<FlowRanks>,
     ) -> Result<Self, Fault> {
         let missing = || Fault::new("the scene has no [flow.immersed]");
         let air = scene.flow.as_ref().ok_or_else(missing)?;
@@ -163,9 +164,10 @@ impl ImmersedParticipant {
             Permeability::new(a, b)
         });
         Ok(Self {
+            flow: Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?,
+            faces: share(surface.len(), ranks.rank(), ranks.size()),
             surface,
             structure,
-            flow: Flow::new(cells, settings),
             grid,
             moving: plan.kind != StageKind::FlowOnly,
             wind,
@@ -185,8 +187,15 @@ impl ImmersedParticipant {
         })
     }
 
+    fn is_root(&self) -> bool {
+        self.flow.slabs().ranks().rank() == 0
+    }
+
     /// Writes the sizes of the grid to `grid.txt` in the stage's folder.
     fn report_grid(&self, folder: &Path) -> Result<(), Fault> {
+        if !self.is_root() {
+            return Ok(());
+        }
         let grid = &self.flow.grid;
         let [x, y, z] = grid.cells();
         let nodes = (x + 1) * (y + 1) * (z + 1);
@@ -209,7 +218,8 @@ impl ImmersedParticipant {
         let vertices = self.surface.vertices(&self.positions, Vector3::zeros()).len();
         let (grid, state, motion) =
             Saved::load(file)?.parts(self.structure.n_canopy, vertices).map_err(unfit)?;
-        let mut flow = Flow::new(grid, self.flow.settings);
+        let ranks = self.flow.slabs().ranks().clone();
+        let mut flow = Flow::on_ranks(grid, self.flow.settings, ranks).map_err(Fault::new)?;
         flow.restore(state).ok_or_else(|| unfit("is of another grid".into()))?;
         self.flow = flow;
         let Kinematics { origin, home, new_grids, .. } = motion;
@@ -254,11 +264,13 @@ impl ImmersedParticipant {
         if !self.grid.contains(&self.flow.grid, &all) {
             self.grid.follow(&mut self.flow, &all, -relative).map_err(Fault::new)?;
             (self.last_cut, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
-            let [x, y, z] = self.flow.grid.cells();
-            println!(
-                "window {} (t = {:.4} s): new grid of {x} x {y} x {z} cells around the canopy",
-                w.index, w.time
-            );
+            if self.is_root() {
+                let [x, y, z] = self.flow.grid.cells();
+                println!(
+                    "window {} (t = {:.4} s): new grid of {x} x {y} x {z} cells around the canopy",
+                    w.index, w.time
+                );
+            }
         }
         let drift =
             if self.moving { self.grid.drift(&self.positions, relative.norm()) } else { Vector3::zeros() };
@@ -334,7 +346,7 @@ impl Participant for ImmersedParticipant {
     }
 
     fn output_rows(&self) -> Vec<u64> {
-        (0..self.surface.len() as u64).collect()
+        (self.faces.start as u64..self.faces.end as u64).collect()
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
@@ -359,15 +371,18 @@ impl Participant for ImmersedParticipant {
         let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
         let mut open = self.open.take().expect("just opened");
         let solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
-        self.surface.loads(&open.nodes, &solution.forces, output);
+        self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
         let mut values = self.stats(&open, &solution);
-        if !output.iter().chain(&values).all(|x| x.is_finite()) {
+        let forces = solution.forces.iter().flatten();
+        if !forces.chain(&values).all(|x| x.is_finite()) {
             open.reject(&mut self.flow);
             let words = format!(
                 "window {} (t = {:.4} s): flow: the immersed flow diverged; shorten window_s, or raise flow.immersed.spacing_m",
                 w.index, w.time
             );
-            eprintln!("flow-solver: {words}");
+            if self.is_root() {
+                eprintln!("flow-solver: {words}");
+            }
             self.failure = Some(Fault::new(words));
             output.fill(0.0);
             values = [0.0; channel::STATS];
@@ -414,12 +429,20 @@ impl Participant for ImmersedParticipant {
             new_grids: self.grid.new_grids,
             frame: self.frame,
         };
+        self.flow.gather();
+        if !self.is_root() {
+            return Ok(());
+        }
         let flow = FlowState { jump: self.last_jumps.clone(), ..self.flow.state() };
         Saved::new(&self.flow.grid, flow, &motion).save(&case::state_file(folder, Role::Flow))
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
         let _part = timing::part("snapshot");
+        self.flow.gather();
+        if !self.is_root() {
+            return Ok(());
+        }
         let place = Place {
             origin: self.grid.origin,
             wind: self.wind.at(self.time).into(),

@@ -61,6 +61,8 @@ pub struct OpenWindow {
     /// Friction in its steps; empty without viscosity. The surface is where it is at the start of each step, and has the accepted velocity: what
     /// friction does is the same in all solutions of the window.
     frictions: Vec<Friction>,
+    /// Force of friction on each face in each step, N.
+    friction_forces: Vec<Vec<Vector3<f64>>>,
     /// Face of each triangle.
     face_of: Vec<u32>,
     /// Where several steps are needed: the state at its start.
@@ -165,6 +167,7 @@ impl OpenWindow {
             drift,
             nodes,
             cuts,
+            friction_forces: vec![Vec::new(); frictions.len()],
             frictions,
             face_of: surface.face_of.clone(),
             start,
@@ -201,16 +204,10 @@ impl OpenWindow {
         }
         for step in 0..count {
             if !(self.predicted && count == 1) {
-                let _part = timing::part("momentum");
-                let dt = self.dt / count as f64;
-                match self.frictions.get_mut(step) {
-                    Some(friction) => flow.predict_with_friction(dt, self.velocity, friction),
-                    None => flow.predict(dt, self.velocity),
-                }
-                self.predicted = true;
+                self.predict(flow, step, face_velocities.len());
             }
-            if let Some(friction) = self.frictions.get(step) {
-                friction.add_face_forces(1.0 / count as f64, &self.face_of, &mut solution.forces);
+            if let Some(friction) = self.friction_forces.get(step) {
+                solution.forces.iter_mut().zip(friction).for_each(|(sum, f)| *sum += f / count as f64);
             }
             let cut = &mut self.cuts[step];
             cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
@@ -231,6 +228,23 @@ impl OpenWindow {
             self.jumps = Some(jumps);
         }
         solution
+    }
+
+    /// Convection, viscosity and friction of one step.
+    fn predict(&mut self, flow: &mut Flow, step: usize, faces: usize) {
+        let _part = timing::part("momentum");
+        let dt = self.dt / self.cuts.len() as f64;
+        match self.frictions.get_mut(step) {
+            Some(friction) => {
+                flow.predict_with_friction(dt, self.velocity, friction);
+                let mut forces = vec![0.0; 3 * faces];
+                friction.add_face_forces(&self.face_of, &mut forces);
+                flow.slabs().ranks().sum(&mut forces);
+                self.friction_forces[step] = forces.chunks_exact(3).map(Vector3::from_column_slice).collect();
+            }
+            None => flow.predict(dt, self.velocity),
+        }
+        self.predicted = true;
     }
 
     /// Returns the flow to the start of the window.

@@ -84,17 +84,11 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
             "the immersed flow knows the pressure jump only",
         ),
         (flow.forces.is_some(), "flow.forces", "the immersed flow has the force on the canopy only"),
-        (scene.ranks.flow > 1, "ranks.flow", "the immersed flow runs on one rank"),
         (!scene.has_canopy(), "flow.immersed", "the scene has no canopy"),
     ];
     for (given, key, why) in refused {
         if given {
-            let remedy = match key {
-                "ranks.flow" => "set it to 1",
-                "flow.immersed" => "remove it",
-                _ => REMEDY,
-            };
-            c.refuse(key, why, remedy);
+            c.refuse(key, why, if key == "flow.immersed" { "remove it" } else { REMEDY });
         }
     }
     for (k, stage) in scene.stages.iter().enumerate() {
