@@ -38,7 +38,7 @@ pub const CHECKS: &[Check] = &[
                    fabric folds during the run, and the accuracy of either method in this scene",
         range: "warning for a fitted grid around a canopy with contact or reefing",
         source: "docs/how-to/choose-the-flow-method.md: a fitted grid ends where fabric folds, vents close or layers touch; the immersed flow has \
-                 laminar friction only, no turbulence model and one rank",
+                 laminar friction only and no turbulence model",
         severity: Warning,
         remedy: "replace [flow.grid] by [flow.immersed] with spacing_m, or let the structure open the canopy in a stage before the flow",
         when: When::Before(method),

@@ -49,6 +49,15 @@ pub struct PressureJumps {
     pub residual: f64,
 }
 
+/// A predicted step, to which several solutions of its constraints may return.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    predicted: Velocity,
+    projected: Velocity,
+    rates: Velocity,
+    dt: f64,
+}
+
 /// Flow on a Cartesian grid. On several ranks its calls are collective.
 #[derive(Clone, Debug)]
 pub struct Flow {
@@ -186,6 +195,27 @@ impl Flow {
         }
         self.dt = dt;
         self.project_prediction();
+    }
+
+    /// What [`Self::predict`] found, for [`Self::repeat`].
+    pub fn prediction(&self) -> Prediction {
+        Prediction {
+            predicted: self.predicted.clone(),
+            projected: self.projected.clone(),
+            rates: self.rates[0].clone(),
+            dt: self.dt,
+        }
+    }
+
+    /// Returns to a prediction after steps that followed it: constraints and [`Self::accept`] come next.
+    pub fn repeat(&mut self, step: &Prediction) {
+        let of = |own: &mut Velocity, kept: &Velocity| {
+            own.iter_mut().zip(kept).for_each(|(own, kept)| own.copy_from_slice(kept));
+        };
+        of(&mut self.predicted, &step.predicted);
+        of(&mut self.projected, &step.projected);
+        of(&mut self.rates[0], &step.rates);
+        self.dt = step.dt;
     }
 
     /// The predicted velocity without divergence, and without the surface.

@@ -2,7 +2,7 @@
 
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
-use immersed::flow::{Flow, FlowState, PressureJumps};
+use immersed::flow::{Flow, FlowState, Prediction, PressureJumps};
 use immersed::friction::Friction;
 use immersed::grid::Grid;
 use nalgebra::Vector3;
@@ -67,8 +67,9 @@ pub struct OpenWindow {
     face_of: Vec<u32>,
     /// Where several steps are needed: the state at its start.
     start: Option<FlowState>,
-    /// Whether the first step is predicted already.
+    /// Whether the first step is predicted already, and its prediction where several steps are needed.
     predicted: bool,
+    first: Option<Prediction>,
     /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
     pub courant: f64,
     pub speed: f64,
@@ -172,6 +173,7 @@ impl OpenWindow {
             face_of: surface.face_of.clone(),
             start,
             predicted: false,
+            first: None,
             courant,
             speed,
             jumps: None,
@@ -199,11 +201,12 @@ impl OpenWindow {
         let count = self.cuts.len();
         let mut solution =
             Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
-        if let Some(start) = &self.start {
-            flow.restore(start.clone()).expect("its own state");
+        if let (Some(start), Some(first)) = (&self.start, &self.first) {
+            flow.repeat(first);
+            flow.start_from(start.jump.clone());
         }
         for step in 0..count {
-            if !(self.predicted && count == 1) {
+            if step > 0 || !self.predicted {
                 self.predict(flow, step, face_velocities.len());
             }
             if let Some(friction) = self.friction_forces.get(step) {
@@ -244,7 +247,10 @@ impl OpenWindow {
             }
             None => flow.predict(dt, self.velocity),
         }
-        self.predicted = true;
+        if step == 0 {
+            self.predicted = true;
+            self.first = self.start.is_some().then(|| flow.prediction());
+        }
     }
 
     /// Returns the flow to the start of the window.
