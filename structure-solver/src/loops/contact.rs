@@ -1,4 +1,4 @@
-//! Contact of fabric with itself: nodes against faces, by a penalty.
+//! Contact of fabric with itself: nodes against faces and edges against edges, by a penalty.
 //!
 //! A node $`P`$ within the thickness $`h`$ of a triangle that it is no corner of is pushed away
 //! along the normal $`n`$, on the side on which it came near ($`s = \pm 1`$):
@@ -6,6 +6,8 @@
 //! $`-f`$ by its barycentric coordinates. Both forces lie on one line, so momentum and moment of
 //! momentum stay; they are the gradient of $`\tfrac12 k (h - s d)^2`$ (Wriggers, Computational
 //! Contact Mechanics, 2006, chapter 5).
+//!
+//! Edges that cross repel in the same way along the line between their closest points ([`edges`]).
 //!
 //! Pairs are found with a hash of boxes of the size of an edge, once for each step, with a
 //! margin that nodes cannot cross within it. A pair keeps its side until it is out of reach.
@@ -17,12 +19,21 @@
 //! The tangent holds the blocks of nodes with themselves; those between the two sheets lie
 //! outside of the matrix's pattern, and Newton's method takes more steps for it.
 
+#[cfg(test)]
+mod edge_tests;
+mod edges;
+#[cfg(test)]
+mod tests;
+mod touch;
+
 use std::collections::HashMap;
 
+use self::edges::{EdgePair, EdgePairs};
+use self::touch::Touch;
 use super::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
-use crate::flat::{Block, add_at, add_block, at};
+use crate::flat::{Block, at};
 use crate::model::Model;
-use mesh::geometry::{Mat3, Vec3};
+use mesh::geometry::Vec3;
 
 /// A node near a triangle.
 #[derive(Clone, Copy, Debug)]
@@ -57,13 +68,14 @@ pub struct Contact {
     thickness: f64,
     stiffness: f64,
     pairs: Vec<Pair>,
+    edges: EdgePairs,
     /// Pairs of each node, now and at the search before.
     known: HashMap<u32, Vec<Pair>>,
     before: HashMap<u32, Vec<Pair>>,
     /// Positions at the last search, m; empty before the first.
     searched: Vec<f64>,
     /// Pairs and positions of the last search at the accepted state.
-    accepted: (Vec<Pair>, Vec<f64>),
+    accepted: (Vec<Pair>, Vec<EdgePair>, Vec<f64>),
     cells: HashMap<[i32; 3], Vec<u32>>,
     edge: f64,
 }
@@ -97,18 +109,24 @@ impl Contact {
     /// stiffness of a node in contact (N/m).
     pub fn new(model: &Model, thickness: f64, stiffness: f64) -> Self {
         let triangles: Vec<[u32; 3]> = model.triangles.iter().map(|t| t.nodes).collect();
-        let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
-        nodes.sort_unstable();
-        nodes.dedup();
         let edge = triangles
             .iter()
             .flat_map(|t| (0..3).map(move |i| [t[i], t[(i + 1) % 3]]))
             .map(|[a, b]| (at(&model.reference, a as usize) - at(&model.reference, b as usize)).norm())
             .fold(0.0, f64::max);
+        Self::of(triangles, model.n_local(), thickness, stiffness, edge)
+    }
+
+    /// Of triangles between `n` nodes, whose longest edge is `edge` (m).
+    fn of(triangles: Vec<[u32; 3]>, n: usize, thickness: f64, stiffness: f64, edge: f64) -> Self {
+        let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
+        nodes.sort_unstable();
+        nodes.dedup();
         Self {
+            edges: EdgePairs::new(&triangles, n),
             triangles,
             nodes,
-            slots: vec![ELSEWHERE; model.n_local()],
+            slots: vec![ELSEWHERE; n],
             thickness,
             stiffness,
             pairs: Vec::new(),
@@ -129,12 +147,24 @@ impl Contact {
         x.map(|v| (v / self.edge).floor() as i32).into()
     }
 
-    /// Pairs in contact, each with its force on the node, normal, weights and penetration.
-    fn active<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = (Pair, Vec3, [f64; 3], f64)> + 'a {
-        self.pairs.iter().filter_map(move |p| {
-            let (d, n, w) = project(at(x, p.node as usize), &self.corners(p.triangle as usize, x))?;
-            let gap = p.thickness - p.side * d;
-            (gap > 0.0).then(|| (*p, n * p.side, w, gap))
+    /// Nodes in contact with triangles, and edges with edges.
+    fn touches<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = Touch> + 'a {
+        self.pairs.iter().filter_map(move |p| self.touch(p, x)).chain(self.edges.touches(x))
+    }
+
+    #[inline(always)]
+    fn touch(&self, p: &Pair, x: &[f64]) -> Option<Touch> {
+        let triangle = p.triangle as usize;
+        let (d, n, [a, b, c]) = project(at(x, p.node as usize), &self.corners(triangle, x))?;
+        let gap = p.thickness - p.side * d;
+        let [i, j, k] = self.triangles[triangle];
+        (gap > 0.0).then(|| Touch {
+            nodes: [p.node, i, j, k],
+            weights: [1.0, -a, -b, -c],
+            normal: n * p.side,
+            gap,
+            fade: 1.0,
+            turn: [Vec3::zeros(); 2],
         })
     }
 
@@ -147,11 +177,12 @@ impl Contact {
         if d.abs() > 2.0 * self.thickness && same.is_none_or(|p| p.side * d > 0.0) {
             return None;
         }
-        if let Some(p) = same {
-            return Some(Pair { thickness: p.thickness.max((p.side * d).min(self.thickness)), ..*p });
-        }
+        let pressed = same.is_some_and(|p| p.thickness > p.side * d);
+        let continued = || before.iter().find_map(|p| self.continued(p, triangle, d, x));
         let begins = Pair { node, triangle, side: d.signum(), thickness: self.thickness.min(d.abs()) };
-        Some(before.iter().find_map(|p| self.continued(p, triangle, d, x)).unwrap_or(begins))
+        let kept = |p: &Pair| Pair { thickness: p.thickness.max((p.side * d).min(self.thickness)), ..*p };
+        let otherwise = same.map_or(begins, kept);
+        Some(if pressed { otherwise } else { continued().unwrap_or(otherwise) })
     }
 
     /// The pair of a pressed node that has left the triangle of `p` and lies over the next one, `triangle`, at a distance of `d`: with the same
@@ -187,7 +218,7 @@ impl Contact {
 
     /// Sum of the forces on nodes (N), one for each contact: their size.
     pub fn pressed(&self, x: &[f64]) -> f64 {
-        self.active(x).map(|(_, _, _, gap)| self.stiffness * gap).sum()
+        self.touches(x).map(|t| t.force(self.stiffness)).sum()
     }
 }
 
@@ -215,6 +246,7 @@ impl ElementLoop for Contact {
             let cell = self.cell(at(x, n as usize));
             self.cells.entry(cell).or_default().push(n);
         }
+        self.edges.search(x, self.thickness, self.edge);
         std::mem::swap(&mut self.known, &mut self.before);
         self.known.clear();
         self.pairs.clear();
@@ -254,31 +286,38 @@ impl ElementLoop for Contact {
 
     fn keep(&mut self) {
         self.accepted.0.clone_from(&self.pairs);
-        self.accepted.1.clone_from(&self.searched);
+        self.accepted.1.clone_from(&self.edges.pairs);
+        self.accepted.2.clone_from(&self.searched);
     }
 
     fn rewind(&mut self) {
         self.pairs.clone_from(&self.accepted.0);
-        self.searched.clone_from(&self.accepted.1);
+        self.edges.pairs.clone_from(&self.accepted.1);
+        self.searched.clone_from(&self.accepted.2);
         self.known.values_mut().for_each(Vec::clear);
         for p in &self.pairs {
             self.known.entry(p.node).or_default().push(*p);
         }
     }
 
-    /// Pairs in their order, each with node, triangle, side and distance, then the positions at the search.
+    /// Numbers of pairs of nodes with triangles and of edges; the pairs in their order; the positions at the search.
     fn save_state(&self) -> Vec<f64> {
-        let (pairs, searched) = &self.accepted;
+        let (pairs, edges, searched) = &self.accepted;
+        let counts = [pairs.len() as f64, edges.len() as f64];
         let rows = pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness]);
-        std::iter::once(pairs.len() as f64).chain(rows).chain(searched.iter().copied()).collect()
+        let rows = rows.chain(edges.iter().flat_map(EdgePair::row));
+        counts.into_iter().chain(rows).chain(searched.iter().copied()).collect()
     }
 
     fn restore_state(&mut self, memory: &[f64]) -> Result<(), String> {
-        let Some((count, rest)) = memory.split_first() else {
+        let Some(([nodes, edges], rest)) = memory.split_first_chunk() else {
             return Err("contact has kept nothing".into());
         };
-        let pairs = index(*count, rest.len() / NUMBERS + 1).ok_or("its pairs in contact are not there")?;
-        let (rows, searched) = rest.split_at(NUMBERS * pairs);
+        let missing = "its pairs in contact are not there";
+        let nodes = index(*nodes, rest.len() / NUMBERS + 1).ok_or(missing)?;
+        let (nodes, rest) = rest.split_at(NUMBERS * nodes);
+        let edges = index(*edges, rest.len() / edges::NUMBERS + 1).ok_or(missing)?;
+        let (edges, searched) = rest.split_at(edges::NUMBERS * edges);
         if !(searched.is_empty() || searched.len() == 3 * self.slots.len()) {
             return Err(format!("{} positions of {} nodes", searched.len(), self.slots.len()));
         }
@@ -288,8 +327,14 @@ impl ElementLoop for Contact {
             let pair = Pair { node: node as u32, triangle: triangle as u32, side: r[2], thickness: r[3] };
             sound.then_some(pair)
         };
-        let pairs: Option<Vec<Pair>> = rows.as_chunks::<NUMBERS>().0.iter().map(pair).collect();
-        self.accepted = (pairs.ok_or("a pair in contact is none of this canopy")?, searched.to_vec());
+        let pairs: Option<Vec<Pair>> = nodes.as_chunks::<NUMBERS>().0.iter().map(pair).collect();
+        let crossing = |r: &[f64; edges::NUMBERS]| self.edges.pair(r, self.thickness);
+        let edges: Option<Vec<EdgePair>> =
+            edges.as_chunks::<{ edges::NUMBERS }>().0.iter().map(crossing).collect();
+        let (Some(pairs), Some(edges)) = (pairs, edges) else {
+            return Err("a pair in contact is none of this canopy".into());
+        };
+        self.accepted = (pairs, edges, searched.to_vec());
         self.rewind();
         Ok(())
     }
@@ -297,13 +342,7 @@ impl ElementLoop for Contact {
     fn anchor(&mut self, _x: &[f64]) {}
 
     fn forces(&self, configuration: Configuration<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        for (p, n, w, gap) in self.active(configuration.at) {
-            let f = n * (-self.stiffness * gap);
-            add_at(out, p.node as usize, f);
-            for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
-                add_at(out, *corner as usize, f * (-w));
-            }
-        }
+        self.touches(configuration.at).for_each(|t| t.add_forces(self.stiffness, out));
     }
 
     fn tangent(
@@ -315,257 +354,17 @@ impl ElementLoop for Contact {
         blocks: &mut [Block],
     ) {
         self.forces(configuration, load, out);
-        for (p, n, w, _) in self.active(configuration.at) {
-            let k: Mat3 = n * (factor * self.stiffness) * n.transpose();
-            add_block(&mut blocks[self.slots[p.node as usize] as usize], &k);
-            for (corner, w) in self.triangles[p.triangle as usize].iter().zip(w) {
-                add_block(&mut blocks[self.slots[*corner as usize] as usize], &(k * (w * w)));
-            }
-        }
+        let k = factor * self.stiffness;
+        self.touches(configuration.at).for_each(|t| t.add_blocks(k, &self.slots, blocks));
     }
 
     fn energy(&self, x: &[f64]) -> f64 {
-        self.active(x).map(|(_, _, _, gap)| 0.5 * self.stiffness * gap * gap).sum()
+        self.touches(x).map(|t| t.energy(self.stiffness)).sum()
     }
 
     fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         for &n in &self.nodes {
             self.slots[n as usize] = slot(n, n);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A triangle and a node at a distance from it, none of whose directions is an axis.
-    fn positions(distance: f64) -> Vec<f64> {
-        let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
-        let area = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
-        let n = area * (1.0 / area.norm());
-        let foot: Vec3 =
-            Vec3::from_fn(|i, _| 0.5 * corners[0][i] + 0.3 * corners[1][i] + 0.2 * corners[2][i]);
-        let node: Vec3 = Vec3::from_fn(|i, _| foot[i] + distance * n[i]);
-        [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat()
-    }
-
-    fn contact(triangles: Vec<[u32; 3]>, nodes: u32) -> Contact {
-        Contact {
-            triangles,
-            nodes: (0..nodes).collect(),
-            slots: (0..nodes).collect(),
-            thickness: 0.05,
-            stiffness: 700.0,
-            pairs: Vec::new(),
-            known: HashMap::new(),
-            before: HashMap::new(),
-            searched: Vec::new(),
-            accepted: Default::default(),
-            cells: HashMap::new(),
-            edge: 1.0,
-        }
-    }
-
-    /// The node came to this distance from out of contact.
-    fn pressed(distance: f64) -> (Contact, Vec<f64>) {
-        let mut contact = contact(vec![[0, 1, 2]], 4);
-        contact.find_pairs(&positions(0.09 * distance.signum()));
-        let x = positions(distance);
-        contact.find_pairs(&x);
-        (contact, x)
-    }
-
-    /// A node that is near when it is seen first is pressed only once it comes nearer, also where it lies on the triangle.
-    #[test]
-    fn pair_begins_without_force() {
-        for distance in [0.02, -0.03, 1e-6] {
-            let mut contact = contact(vec![[0, 1, 2]], 4);
-            let x = positions(distance);
-            contact.find_pairs(&x);
-            assert_eq!((contact.pairs.len(), contact.energy(&x)), (1, 0.0), "{distance}");
-            let nearer = positions(distance - 0.015 * distance.signum());
-            assert!((contact.pressed(&nearer) - 700.0 * 0.015).abs() < 1e-9, "{distance}");
-        }
-    }
-
-    /// A node that slides from one triangle of a sheet to the next keeps the force on it.
-    #[test]
-    fn sliding_node_keeps_side_and_distance() {
-        let sheet = |node: [f64; 3]| -> Vec<f64> {
-            [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], node].concat()
-        };
-        let mut contact = contact(vec![[0, 1, 2], [1, 3, 2]], 5);
-        contact.find_pairs(&sheet([0.3, 0.3, 0.09]));
-        contact.find_pairs(&sheet([0.3, 0.3, -0.01]));
-        let there = sheet([0.7, 0.7, -0.01]);
-        contact.find_pairs(&there);
-        let pairs: Vec<_> = contact.pairs.iter().map(|p| (p.triangle, p.side, p.thickness)).collect();
-        assert_eq!(pairs, [(1, 1.0, 0.05)]);
-        assert!((contact.pressed(&there) - 700.0 * 0.06).abs() < 1e-10);
-    }
-
-    /// Solves of a window depend on their input alone: what one has found is forgotten by the next, and a saved state is that of the accepted window.
-    #[test]
-    fn rejected_solve_leaves_no_trace() {
-        let mut contact = contact(vec![[0, 1, 2]], 4);
-        contact.find_pairs(&positions(0.09));
-        contact.find_pairs(&positions(0.04));
-        contact.keep();
-        let saved = contact.save_state();
-        let pressed = |contact: &mut Contact| {
-            contact.rewind();
-            contact.find_pairs(&positions(0.01));
-            contact.pressed(&positions(0.01))
-        };
-        let first = pressed(&mut contact);
-        for wild in [0.3, -0.04, -0.3, 1e6, f64::NAN] {
-            contact.find_pairs(&positions(wild));
-        }
-        assert_eq!(contact.save_state(), saved);
-        assert_eq!(pressed(&mut contact), first);
-        let mut resumed = super::tests::contact(vec![[0, 1, 2]], 4);
-        resumed.restore_state(&saved).expect("its own state");
-        assert_eq!(pressed(&mut resumed), first);
-        assert!((first - 700.0 * 0.04).abs() < 1e-9, "{first}");
-    }
-
-    /// The distance that a pair keeps grows with the distance of its node, up to the thickness.
-    #[test]
-    fn distance_of_a_pair_recovers() {
-        let mut contact = contact(vec![[0, 1, 2]], 4);
-        for (distance, kept) in [(0.01, 0.01), (0.035, 0.035), (0.02, 0.035), (0.08, 0.05), (0.02, 0.05)] {
-            contact.find_pairs(&positions(distance));
-            assert!((contact.pairs[0].thickness - kept).abs() < 1e-12, "{distance}");
-        }
-    }
-
-    /// A pressed node that comes near the other leaf of a fold gets no force from it: only what it loses on the first leaf goes over to the second.
-    #[test]
-    fn second_leaf_of_a_fold_begins_without_force() {
-        // Leaves in the planes z = 0 and x = 0.03 with one common node.
-        let fold = |node: [f64; 3]| -> Vec<f64> {
-            [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.03, 0.0, 2.0], [0.03, 2.0, 0.0], node].concat()
-        };
-        let mut contact = contact(vec![[0, 1, 2], [0, 4, 3]], 6);
-        contact.find_pairs(&fold([0.7, 0.6, 0.09]));
-        contact.find_pairs(&fold([0.7, 0.6, 0.01]));
-        let there = fold([0.05, 0.6, 0.02]);
-        let alone = {
-            contact.find_pairs(&fold([0.4, 0.6, 0.02]));
-            contact.energy(&fold([0.4, 0.6, 0.02]))
-        };
-        contact.find_pairs(&there);
-        assert_eq!(contact.pairs.iter().filter(|p| p.node == 5).count(), 2);
-        assert!((contact.energy(&there) - alone).abs() < 1e-10, "{} {alone}", contact.energy(&there));
-    }
-
-    fn forces(contact: &Contact, x: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; x.len()];
-        let load = FaceLoad { pressure: &[], traction: &[] };
-        contact.forces(Configuration { at: x, end: x, weight: 1.0 }, load, &mut out);
-        out
-    }
-
-    /// Energy `k (h - d)^2 / 2` on either side; the forces are its gradient, and the blocks of the tangent
-    /// `k n n` at the node and the squares of the weights of it at the corners.
-    #[test]
-    fn forces_are_the_gradient_of_the_energy() {
-        for distance in [0.02, -0.03, 0.049, -0.001] {
-            let (contact, x) = pressed(distance);
-            let gap = 0.05 - f64::abs(distance);
-            assert!((contact.energy(&x) - 350.0 * gap * gap).abs() < 1e-12);
-            assert!((contact.pressed(&x) - 700.0 * gap).abs() < 1e-10);
-            let found = forces(&contact, &x);
-            let differences = |f: &dyn Fn(&[f64]) -> f64, i: usize| {
-                let h = 1e-6;
-                let at = |d: f64| {
-                    f(&x.iter().enumerate().map(|(k, v)| if k == i { v + d } else { *v }).collect::<Vec<_>>())
-                };
-                (at(h) - at(-h)) / (2.0 * h)
-            };
-            for (i, f) in found.iter().enumerate() {
-                let wanted = differences(&|x| contact.energy(x), i);
-                assert!((f - wanted).abs() < 1e-6, "{distance}, {i}: {f} {wanted}");
-            }
-            let (mut blocks, mut out) = (vec![[[0.0; 3]; 3]; 4], vec![0.0; 12]);
-            let load = FaceLoad { pressure: &[], traction: &[] };
-            contact.tangent(Configuration { at: &x, end: &x, weight: 1.0 }, load, 0.6, &mut out, &mut blocks);
-            assert_eq!(out, found);
-            for i in 0..3 {
-                for j in 0..3 {
-                    let wanted = 0.6 * differences(&|x| forces(&contact, x)[9 + i], 9 + j);
-                    assert!((blocks[3][i][j] - wanted).abs() < 1e-5, "{} {wanted}", blocks[3][i][j]);
-                    for (corner, w) in [0.5, 0.3, 0.2].iter().enumerate() {
-                        assert!((blocks[corner][i][j] - w * w * blocks[3][i][j]).abs() < 1e-9);
-                    }
-                }
-            }
-        }
-        let (contact, x) = pressed(0.051);
-        assert_eq!((contact.energy(&x), forces(&contact, &x)), (0.0, vec![0.0; 12]));
-    }
-
-    /// A pair is found up to two thicknesses on either side, wherever the boxes of the search lie.
-    #[test]
-    fn pairs_are_found_within_reach_in_any_box() {
-        for step in 0..40 {
-            let shift = 0.173 * f64::from(step) - 3.0;
-            for (distance, near) in [(0.09, true), (-0.09, true), (0.104, false), (-0.104, false)] {
-                let mut contact = contact(vec![[0, 1, 2]], 4);
-                contact.edge = 0.3;
-                let x: Vec<f64> = positions(distance).iter().map(|x| x + shift).collect();
-                contact.find_pairs(&x);
-                assert_eq!(contact.pairs.len(), usize::from(near), "{shift} {distance}");
-                assert!(contact.pairs.iter().all(|p| p.side == distance.signum() && p.node == 3));
-            }
-        }
-    }
-
-    /// Pairs are sought again where a node has moved by more than [`MARGIN`] relative to the others since, not where all have, and a node
-    /// keeps its side when it is pressed through.
-    #[test]
-    fn a_search_is_repeated_after_a_motion() {
-        let (mut contact, x) = pressed(0.02);
-        // One of four nodes: three quarters of its motion are relative to the mean.
-        let moved = |by: f64| x.iter().enumerate().map(|(i, x)| x + if i == 4 { by } else { 0.0 }).collect();
-        let least = MARGIN * 0.05 / 0.75;
-        let (little, more): (Vec<f64>, Vec<f64>) = (moved(-0.98 * least), moved(-1.02 * least));
-        contact.find_pairs(&x.iter().map(|x| x + 7.0).collect::<Vec<_>>());
-        assert_eq!(contact.searched, x);
-        contact.find_pairs(&little);
-        assert_eq!(contact.searched, x);
-        contact.find_pairs(&more);
-        assert_eq!(contact.searched, more);
-        let through = positions(-0.03);
-        contact.find_pairs(&through);
-        assert_eq!(contact.searched, through);
-        assert!(contact.pairs.len() == 1 && contact.pairs[0].side == 1.0, "{:?}", contact.pairs);
-        assert!((contact.pressed(&through) - 700.0 * 0.08).abs() < 1e-10);
-        // Far behind it is still the same pair; far in front it is none.
-        let deep = positions(-0.3);
-        contact.find_pairs(&deep);
-        assert_eq!(contact.pairs.len(), 1);
-        let away = positions(0.3);
-        contact.find_pairs(&away);
-        assert!(contact.pairs.is_empty());
-    }
-
-    /// The foot of a node lies on the triangle up to two per cent beyond its edges.
-    #[test]
-    fn feet_have_their_weights_and_a_margin() {
-        let t = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
-        let at = |w: [f64; 3]| -> Vec3 { Vec3::from_fn(|i, _| (0..3).map(|k| w[k] * t[k][i]).sum()) };
-        for k in 0..3 {
-            for (beyond, found) in [(-0.019, true), (-0.021, false)] {
-                let mut w = [0.5 * (1.0 - beyond); 3];
-                w[k] = beyond;
-                let foot = project(at(w), &t);
-                assert_eq!(foot.is_some(), found, "{w:?}");
-                if let Some((d, _, b)) = foot {
-                    assert!(d.abs() < 1e-15 && (0..3).all(|i| (b[i] - w[i]).abs() < 1e-14), "{b:?}");
-                }
-            }
         }
     }
 }
