@@ -22,6 +22,8 @@
 #[cfg(test)]
 mod edge_tests;
 mod edges;
+mod friction;
+mod ranks;
 #[cfg(test)]
 mod tests;
 mod touch;
@@ -29,10 +31,13 @@ mod touch;
 use std::collections::HashMap;
 
 use self::edges::{EdgePair, EdgePairs};
+use self::friction::Stick;
+use self::ranks::Ranks;
 use self::touch::Touch;
 use super::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
-use crate::flat::{Block, at};
+use crate::flat::{Block, add_at, at};
 use crate::model::Model;
+use mesh::StructureMesh;
 use mesh::geometry::Vec3;
 
 /// A node near a triangle.
@@ -44,6 +49,8 @@ struct Pair {
     side: f64,
     /// Distance that is kept, m.
     thickness: f64,
+    /// Where it sticks, with friction.
+    stick: Option<Stick>,
 }
 
 /// Share of a triangle's height by which a projection may lie beyond an edge.
@@ -56,17 +63,33 @@ const MARGIN: f64 = 0.35;
 const TORN: f64 = 30.0;
 
 /// Numbers of a saved pair.
-const NUMBERS: usize = 4;
+const NUMBERS: usize = 4 + friction::NUMBERS;
 
-/// Contact of all membrane elements of a program of one rank.
+/// Law of contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactLaw {
+    /// Distance that is kept, m.
+    pub thickness: f64,
+    /// Stiffness of a node in contact, N/m.
+    pub stiffness: f64,
+    /// Coefficient of friction; `None`: no friction.
+    pub friction: Option<f64>,
+}
+
+/// Contact of all membrane elements. Nodes are those of the mesh.
 pub struct Contact {
     triangles: Vec<[u32; 3]>,
     /// Nodes of the fabric.
     nodes: Vec<u32>,
-    /// Slots of the nodes' own blocks.
+    /// Slots of the own blocks of the nodes whose rows are here.
     slots: Vec<u32>,
     thickness: f64,
     stiffness: f64,
+    friction: Option<f64>,
+    /// Energy that slip took since it was asked for, J.
+    slipped: f64,
+    /// `None` on a single rank.
+    ranks: Option<Ranks>,
     pairs: Vec<Pair>,
     edges: EdgePairs,
     /// Pairs of each node, now and at the search before.
@@ -85,9 +108,9 @@ fn index(x: f64, end: usize) -> Option<usize> {
     (x >= 0.0 && x < end as f64 && x.fract() == 0.0).then_some(x as usize)
 }
 
-/// Distance of a node from a triangle, and the barycentric coordinates of its projection; `None` where that is outside.
+/// Distance of a node from the plane of a triangle, its normal, and the barycentric coordinates of the projection.
 #[inline(always)]
-fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
+fn foot(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
     let (e1, e2) = (t[1] - t[0], t[2] - t[0]);
     let area = e1.cross(&e2);
     let size = area.norm();
@@ -98,27 +121,31 @@ fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
     let r = p - t[0];
     let b = r.cross(&e2).dot(&n) / size;
     let c = e1.cross(&r).dot(&n) / size;
-    let a = 1.0 - b - c;
+    Some((r.dot(&n), n, [1.0 - b - c, b, c]))
+}
+
+/// As [`foot`]; `None` where the projection lies outside of the triangle.
+#[inline(always)]
+fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
     // A little beyond the edges, so that no node slips between two triangles.
-    let within = |x: f64| x > -BEYOND;
-    (within(a) && within(b) && within(c)).then(|| (r.dot(&n), n, [a, b, c]))
+    foot(p, t).filter(|(_, _, w)| w.iter().all(|w| *w > -BEYOND))
 }
 
 impl Contact {
-    /// Of the triangles of `model`, whose rank is the only one: distance that is kept (m) and
-    /// stiffness of a node in contact (N/m).
-    pub fn new(model: &Model, thickness: f64, stiffness: f64) -> Self {
-        let triangles: Vec<[u32; 3]> = model.triangles.iter().map(|t| t.nodes).collect();
-        let edge = triangles
+    /// Of the triangles of `mesh`, of which `model` is the part of this rank.
+    pub fn new(model: &Model, mesh: &StructureMesh, law: ContactLaw) -> Self {
+        let edge = mesh
+            .triangles
             .iter()
             .flat_map(|t| (0..3).map(move |i| [t[i], t[(i + 1) % 3]]))
-            .map(|[a, b]| (at(&model.reference, a as usize) - at(&model.reference, b as usize)).norm())
+            .map(|[a, b]| (mesh::geometry::at(&mesh.coords, a) - mesh::geometry::at(&mesh.coords, b)).norm())
             .fold(0.0, f64::max);
-        Self::of(triangles, model.n_local(), thickness, stiffness, edge)
+        let n = mesh.coords.len();
+        Self { ranks: Ranks::of(model, n), ..Self::of(mesh.triangles.clone(), n, law, edge) }
     }
 
-    /// Of triangles between `n` nodes, whose longest edge is `edge` (m).
-    fn of(triangles: Vec<[u32; 3]>, n: usize, thickness: f64, stiffness: f64, edge: f64) -> Self {
+    /// Of triangles between `n` nodes, whose longest edge is `edge` (m), on one rank.
+    fn of(triangles: Vec<[u32; 3]>, n: usize, law: ContactLaw, edge: f64) -> Self {
         let mut nodes: Vec<u32> = triangles.iter().flatten().copied().collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -127,8 +154,11 @@ impl Contact {
             triangles,
             nodes,
             slots: vec![ELSEWHERE; n],
-            thickness,
-            stiffness,
+            thickness: law.thickness,
+            stiffness: law.stiffness,
+            friction: law.friction,
+            slipped: 0.0,
+            ranks: None,
             pairs: Vec::new(),
             known: HashMap::new(),
             before: HashMap::new(),
@@ -137,6 +167,25 @@ impl Contact {
             cells: HashMap::new(),
             edge,
         }
+    }
+
+    /// Calls `f` with the positions of the nodes of the mesh (m), from those of this rank. Collective.
+    fn everywhere<R>(&self, x: &[f64], f: impl FnOnce(&[f64]) -> R) -> R {
+        match &self.ranks {
+            None => f(x),
+            Some(ranks) => f(&ranks.gather(x)),
+        }
+    }
+
+    /// Row of a node here.
+    #[inline(always)]
+    fn row(&self, node: u32) -> Option<usize> {
+        self.ranks.as_ref().map_or(Some(node as usize), |r| r.row(node))
+    }
+
+    /// Whether sums over all pairs are counted here.
+    fn counts(&self) -> bool {
+        self.ranks.as_ref().is_none_or(Ranks::counts)
     }
 
     fn corners(&self, t: usize, x: &[f64]) -> [Vec3; 3] {
@@ -149,23 +198,55 @@ impl Contact {
 
     /// Nodes in contact with triangles, and edges with edges.
     fn touches<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = Touch> + 'a {
-        self.pairs.iter().filter_map(move |p| self.touch(p, x)).chain(self.edges.touches(x))
+        let nodes = self.pairs.iter().filter_map(move |p| self.near(p, x).filter(|t| t.gap > 0.0));
+        nodes.chain(self.edges.touches(x))
     }
 
+    /// A pair whose node lies over its triangle.
     #[inline(always)]
-    fn touch(&self, p: &Pair, x: &[f64]) -> Option<Touch> {
+    fn near(&self, p: &Pair, x: &[f64]) -> Option<Touch> {
         let triangle = p.triangle as usize;
         let (d, n, [a, b, c]) = project(at(x, p.node as usize), &self.corners(triangle, x))?;
-        let gap = p.thickness - p.side * d;
         let [i, j, k] = self.triangles[triangle];
-        (gap > 0.0).then(|| Touch {
+        Some(Touch {
             nodes: [p.node, i, j, k],
             weights: [1.0, -a, -b, -c],
             normal: n * p.side,
-            gap,
+            distance: p.side * d,
+            gap: p.thickness - p.side * d,
             fade: 1.0,
             turn: [Vec3::zeros(); 2],
+            stick: p.stick,
         })
+    }
+
+    /// Ends a step at `x` (m): pairs slip.
+    fn slip(&mut self, x: &[f64]) {
+        let Some(friction) = self.friction else { return };
+        for k in 0..self.pairs.len() {
+            let pair = self.pairs[k];
+            let Some(touch) = self.near(&pair, x) else { continue };
+            let (stick, taken) = touch.after_step(friction, self.stiffness, x);
+            self.slipped += taken;
+            self.pairs[k].stick = stick;
+            let known = self.known.get_mut(&pair.node).into_iter().flatten();
+            known.filter(|p| p.triangle == pair.triangle).for_each(|p| p.stick = stick);
+        }
+        self.slipped += self.edges.slip(friction, self.stiffness, x);
+    }
+
+    /// Where a pair that has left a triangle sticks on the next one, `triangle`: at the same tangential distance.
+    fn stick_on(&self, p: &Pair, triangle: u32, x: &[f64]) -> Option<Stick> {
+        let (place, stick) = (at(x, p.node as usize), p.stick?);
+        let corners = self.corners(p.triangle as usize, x);
+        let (_, _, left) = foot(place, &corners)?;
+        let elastic: Vec3 = (0..3).map(|i| corners[i] * (stick.weights[i + 1] + left[i])).sum();
+        let next = self.corners(triangle as usize, x);
+        let (_, n, now) = foot(place, &next)?;
+        let elastic = elastic - n * n.dot(&elastic);
+        let (_, _, moved) = foot(place + elastic, &next)?;
+        let weights = [0, 1, 2].map(|i| moved[i] - 2.0 * now[i]);
+        Some(Stick { weights: [1.0, weights[0], weights[1], weights[2]], elastic: elastic.norm() })
     }
 
     /// The pair of a node with a triangle at a distance of `d`; `None` out of reach. One that was there keeps its side, also where it was pressed through,
@@ -179,7 +260,8 @@ impl Contact {
         }
         let pressed = same.is_some_and(|p| p.thickness > p.side * d);
         let continued = || before.iter().find_map(|p| self.continued(p, triangle, d, x));
-        let begins = Pair { node, triangle, side: d.signum(), thickness: self.thickness.min(d.abs()) };
+        let begins =
+            Pair { node, triangle, side: d.signum(), thickness: self.thickness.min(d.abs()), stick: None };
         let kept = |p: &Pair| Pair { thickness: p.thickness.max((p.side * d).min(self.thickness)), ..*p };
         let otherwise = same.map_or(begins, kept);
         Some(if pressed { otherwise } else { continued().unwrap_or(otherwise) })
@@ -200,6 +282,7 @@ impl Contact {
         (gap > 0.0 && thickness >= 0.0).then(|| Pair {
             triangle,
             thickness: thickness.min(self.thickness),
+            stick: self.stick_on(p, triangle, x),
             ..*p
         })
     }
@@ -222,19 +305,22 @@ impl Contact {
     }
 }
 
-impl ElementLoop for Contact {
-    fn finds_pairs(&self) -> bool {
-        true
-    }
-
-    /// Nodes within two thicknesses of a triangle's plane, above or below it.
-    fn find_pairs(&mut self, x: &[f64]) {
-        let reach = 2.0 * self.thickness;
+impl Contact {
+    /// Ends the step before at positions `x` (m) of the nodes of the mesh, and finds pairs again where the fabric has moved.
+    fn find_pairs_at(&mut self, x: &[f64]) {
+        self.slip(x);
         if !self.stale(x) {
             return;
         }
         self.searched.clear();
         self.searched.extend_from_slice(x);
+        self.edges.search(x, self.thickness, self.edge);
+        self.search_nodes(x);
+    }
+
+    /// Finds nodes within two thicknesses of a triangle's plane, above or below it.
+    fn search_nodes(&mut self, x: &[f64]) {
+        let reach = 2.0 * self.thickness;
         // Boxes that the fabric has left, in a descent or a solve that fails, are dropped.
         if self.cells.len() > 4 * self.nodes.len() {
             self.cells.clear();
@@ -246,7 +332,6 @@ impl ElementLoop for Contact {
             let cell = self.cell(at(x, n as usize));
             self.cells.entry(cell).or_default().push(n);
         }
-        self.edges.search(x, self.thickness, self.edge);
         std::mem::swap(&mut self.known, &mut self.before);
         self.known.clear();
         self.pairs.clear();
@@ -283,6 +368,27 @@ impl ElementLoop for Contact {
             }
         }
     }
+}
+
+impl ElementLoop for Contact {
+    fn finds_pairs(&self) -> bool {
+        true
+    }
+
+    fn find_pairs(&mut self, x: &[f64]) {
+        let Some(ranks) = self.ranks.take() else { return self.find_pairs_at(x) };
+        self.find_pairs_at(&ranks.gather(x));
+        self.ranks = Some(ranks);
+    }
+
+    fn has_friction(&self) -> bool {
+        self.friction.is_some()
+    }
+
+    fn friction_work(&mut self) -> f64 {
+        let slipped = std::mem::take(&mut self.slipped);
+        if self.counts() { slipped } else { 0.0 }
+    }
 
     fn keep(&mut self) {
         self.accepted.0.clone_from(&self.pairs);
@@ -291,6 +397,7 @@ impl ElementLoop for Contact {
     }
 
     fn rewind(&mut self) {
+        self.slipped = 0.0;
         self.pairs.clone_from(&self.accepted.0);
         self.edges.pairs.clone_from(&self.accepted.1);
         self.searched.clone_from(&self.accepted.2);
@@ -304,7 +411,11 @@ impl ElementLoop for Contact {
     fn save_state(&self) -> Vec<f64> {
         let (pairs, edges, searched) = &self.accepted;
         let counts = [pairs.len() as f64, edges.len() as f64];
-        let rows = pairs.iter().flat_map(|p| [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness]);
+        let row = |p: &Pair| {
+            let [e, f, g, h, i, j] = friction::row(p.stick);
+            [f64::from(p.node), f64::from(p.triangle), p.side, p.thickness, e, f, g, h, i, j]
+        };
+        let rows = pairs.iter().flat_map(row);
         let rows = rows.chain(edges.iter().flat_map(EdgePair::row));
         counts.into_iter().chain(rows).chain(searched.iter().copied()).collect()
     }
@@ -324,8 +435,9 @@ impl ElementLoop for Contact {
         let pair = |r: &[f64; NUMBERS]| {
             let (node, triangle) = (index(r[0], self.slots.len())?, index(r[1], self.triangles.len())?);
             let sound = r[2].abs() == 1.0 && (0.0..=self.thickness).contains(&r[3]);
-            let pair = Pair { node: node as u32, triangle: triangle as u32, side: r[2], thickness: r[3] };
-            sound.then_some(pair)
+            let stick = friction::of_row([r[4], r[5], r[6], r[7], r[8], r[9]])?;
+            let (node, triangle) = (node as u32, triangle as u32);
+            sound.then_some(Pair { node, triangle, side: r[2], thickness: r[3], stick })
         };
         let pairs: Option<Vec<Pair>> = nodes.as_chunks::<NUMBERS>().0.iter().map(pair).collect();
         let crossing = |r: &[f64; edges::NUMBERS]| self.edges.pair(r, self.thickness);
@@ -342,7 +454,19 @@ impl ElementLoop for Contact {
     fn anchor(&mut self, _x: &[f64]) {}
 
     fn forces(&self, configuration: Configuration<'_>, _load: FaceLoad<'_>, out: &mut [f64]) {
-        self.touches(configuration.at).for_each(|t| t.add_forces(self.stiffness, out));
+        self.everywhere(configuration.at, |x| {
+            let mut add = |node: u32, f: Vec3| {
+                if let Some(row) = self.row(node) {
+                    add_at(out, row, f);
+                }
+            };
+            for touch in self.touches(x) {
+                touch.add_forces(self.stiffness, &mut add);
+                if let Some(friction) = self.friction {
+                    touch.add_friction(friction, self.stiffness, x, &mut add);
+                }
+            }
+        });
     }
 
     fn tangent(
@@ -355,16 +479,31 @@ impl ElementLoop for Contact {
     ) {
         self.forces(configuration, load, out);
         let k = factor * self.stiffness;
-        self.touches(configuration.at).for_each(|t| t.add_blocks(k, &self.slots, blocks));
+        let block = |node: u32| self.row(node).map(|_| self.slots[node as usize] as usize);
+        self.everywhere(configuration.at, |x| {
+            for touch in self.touches(x) {
+                touch.add_blocks(k, block, blocks);
+                if let Some(friction) = self.friction {
+                    touch.add_friction_blocks(friction, k, x, block, blocks);
+                }
+            }
+        });
     }
 
     fn energy(&self, x: &[f64]) -> f64 {
-        self.touches(x).map(|t| t.energy(self.stiffness)).sum()
+        let friction = |t: &Touch, x: &[f64]| {
+            self.friction.map_or(0.0, |friction| t.friction_energy(friction, self.stiffness, x))
+        };
+        let sum = |x: &[f64]| self.touches(x).map(|t| t.energy(self.stiffness) + friction(&t, x)).sum();
+        let energy = self.everywhere(x, sum);
+        if self.counts() { energy } else { 0.0 }
     }
 
     fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32) {
         for &n in &self.nodes {
-            self.slots[n as usize] = slot(n, n);
+            if let Some(row) = self.row(n) {
+                self.slots[n as usize] = slot(row as u32, row as u32);
+            }
         }
     }
 }

@@ -17,6 +17,7 @@
 
 use std::collections::HashMap;
 
+use super::friction::{self, Stick};
 use super::touch::Touch;
 use super::{BEYOND, TORN, index};
 use crate::flat::at;
@@ -30,7 +31,7 @@ const NO_NORMAL: f64 = 1e-12;
 /// Depth in thicknesses beyond which a pair that was pressed through is let go.
 const DEEP: f64 = 4.0;
 /// Numbers of a saved pair.
-pub(super) const NUMBERS: usize = 6;
+pub(super) const NUMBERS: usize = 6 + friction::NUMBERS;
 
 /// An edge of the fabric.
 struct Edge {
@@ -47,13 +48,16 @@ pub(super) struct EdgePair {
     normal: Vec3,
     /// Distance that is kept, m.
     thickness: f64,
+    /// Where it sticks, with friction.
+    stick: Option<Stick>,
 }
 
 impl EdgePair {
     /// As numbers.
     pub(super) fn row(&self) -> [f64; NUMBERS] {
         let [a, b] = self.edges.map(f64::from);
-        [a, b, self.normal[0], self.normal[1], self.normal[2], self.thickness]
+        let [f, g, h, i, j, k] = friction::row(self.stick);
+        [a, b, self.normal[0], self.normal[1], self.normal[2], self.thickness, f, g, h, i, j, k]
     }
 }
 
@@ -106,6 +110,26 @@ impl Crossing {
 
     fn on_both(&self) -> bool {
         self.on_edge(0) && self.on_edge(1)
+    }
+
+    /// The part of a vector along the surface.
+    fn tangential(&self, e: Vec3) -> Vec3 {
+        e - self.normal * self.normal.dot(&e)
+    }
+
+    /// Derivatives of the distance by the ends along the normal.
+    fn weights(&self) -> [f64; 4] {
+        let [s, t] = self.shares;
+        [1.0 - s, s, t - 1.0, -t]
+    }
+
+    /// The sticking points at a tangential distance of `elastic` (m).
+    fn stick(&self, elastic: Vec3) -> Stick {
+        let [u, v] = self.along;
+        let cross = self.cross / self.cross.norm_squared();
+        let (s, t) = (elastic.cross(&v).dot(&cross), u.cross(&elastic).dot(&cross));
+        let [a, b, c, d] = self.weights();
+        Stick { weights: [a - s, b + s, c - t, d + t], elastic: elastic.norm() }
     }
 
     /// The factor of the energy, and its derivatives by both edges, 1/m.
@@ -200,26 +224,39 @@ impl EdgePairs {
 
     /// Pairs in contact at positions `x` (m).
     pub(super) fn touches<'a>(&'a self, x: &'a [f64]) -> impl Iterator<Item = Touch> + 'a {
-        self.pairs.iter().filter_map(move |p| self.touch(p, x))
+        self.pairs.iter().filter_map(move |p| self.near(p, x).filter(|t| t.gap > 0.0))
     }
 
+    /// A pair whose closest points lie on its edges.
     #[inline(always)]
-    fn touch(&self, p: &EdgePair, x: &[f64]) -> Option<Touch> {
+    fn near(&self, p: &EdgePair, x: &[f64]) -> Option<Touch> {
         let c = self.crossing(p.edges, x).filter(Crossing::on_both)?.on_side_of(p.normal);
-        let gap = p.thickness - c.distance;
-        if !(gap > 0.0) {
-            return None;
-        }
         let [[a0, a1], [b0, b1]] = p.edges.map(|e| self.edges[e as usize].nodes);
-        let ([s, t], (fade, turn)) = (c.shares, c.fade());
+        let (weights, (fade, turn)) = (c.weights(), c.fade());
+        let (nodes, gap) = ([a0, a1, b0, b1], p.thickness - c.distance);
         Some(Touch {
-            nodes: [a0, a1, b0, b1],
-            weights: [1.0 - s, s, t - 1.0, -t],
+            nodes,
+            weights,
             normal: c.normal,
+            distance: c.distance,
             gap,
             fade,
             turn,
+            stick: p.stick,
         })
+    }
+
+    /// Ends a step at `x` (m) with friction at a stiffness (N/m); the energy that slip took, J.
+    pub(super) fn slip(&mut self, friction: f64, stiffness: f64, x: &[f64]) -> f64 {
+        let mut taken = 0.0;
+        for k in 0..self.pairs.len() {
+            if let Some(touch) = self.near(&self.pairs[k], x) {
+                let (stick, work) = touch.after_step(friction, stiffness, x);
+                self.pairs[k].stick = stick;
+                taken += work;
+            }
+        }
+        taken
     }
 
     /// Finds the pairs within twice the `thickness` (m) at positions `x` (m), in cells of `size` (m).
@@ -327,7 +364,7 @@ impl EdgePairs {
         };
         let normal = c.normal * c.distance.signum();
         if self.act(edges, normal, x, thickness) {
-            self.push(EdgePair { edges, normal, thickness: thickness.min(c.distance.abs()) });
+            self.push(EdgePair { edges, normal, thickness: thickness.min(c.distance.abs()), stick: None });
         }
     }
 
@@ -342,6 +379,13 @@ impl EdgePairs {
         })
     }
 
+    /// Tangential distance of the sticking points of a pair, m.
+    fn elastic(&self, p: &EdgePair, c: &Crossing, stick: &Stick, x: &[f64]) -> Vec3 {
+        let [a, b] = p.edges.map(|e| self.ends(e, x));
+        let parts = [a[0], a[1], b[0], b[1]].into_iter().zip(stick.weights.iter().zip(c.weights()));
+        parts.map(|(x, (stuck, now))| x * (stuck - now)).sum()
+    }
+
     /// Passes the force of each pair whose edge was left under pressure to one pair of the next edge there: with the same side and the
     /// same energy, or less.
     fn hand_over(&mut self, x: &[f64], thickness: f64) {
@@ -349,6 +393,7 @@ impl EdgePairs {
             let p = self.left[k];
             let Some(c) = self.crossing(p.edges, x).map(|c| c.on_side_of(p.normal)) else { continue };
             let energy = c.fade().0 * (p.thickness - c.distance).powi(2);
+            let elastic = p.stick.map(|s| self.elastic(&p, &c, &s, x));
             let next = |i: usize| {
                 let (edge, s) = (&self.edges[p.edges[i] as usize], c.shares[i]);
                 if c.on_edge(i) {
@@ -370,7 +415,9 @@ impl EdgePairs {
                 let gap = (energy / found.fade().0).sqrt().min(p.thickness - c.distance);
                 let kept = (found.distance + gap).min(thickness);
                 let acts = kept >= 0.0 && self.act(edges, found.normal, x, thickness);
-                acts.then_some(EdgePair { edges, normal: found.normal, thickness: kept })
+                let side = if a < b { 1.0 } else { -1.0 };
+                let stick = elastic.map(|e| found.stick(found.tangential(e * side)));
+                acts.then_some(EdgePair { edges, normal: found.normal, thickness: kept, stick })
             });
             if let Some(pair) = taken {
                 match self.known.get(&pair.edges) {
@@ -386,6 +433,7 @@ impl EdgePairs {
         let [a, b] = [index(r[0], self.edges.len())?, index(r[1], self.edges.len())?];
         let normal = Vec3::new(r[2], r[3], r[4]);
         let sound = a < b && (normal.norm() - 1.0).abs() < 1e-9 && (0.0..=thickness).contains(&r[5]);
-        sound.then_some(EdgePair { edges: [a as u32, b as u32], normal, thickness: r[5] })
+        let stick = friction::of_row([r[6], r[7], r[8], r[9], r[10], r[11]])?;
+        sound.then_some(EdgePair { edges: [a as u32, b as u32], normal, thickness: r[5], stick })
     }
 }

@@ -12,8 +12,10 @@ fn positions(distance: f64) -> Vec<f64> {
     [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat()
 }
 
+const LAW: ContactLaw = ContactLaw { thickness: 0.05, stiffness: 700.0, friction: None };
+
 pub(super) fn contact(triangles: Vec<[u32; 3]>, nodes: u32) -> Contact {
-    let mut contact = Contact::of(triangles, nodes as usize, 0.05, 700.0, 1.0);
+    let mut contact = Contact::of(triangles, nodes as usize, LAW, 1.0);
     contact.nodes = (0..nodes).collect();
     contact.slots = (0..nodes).collect();
     contact
