@@ -23,6 +23,8 @@
 mod edge_tests;
 mod edges;
 mod friction;
+#[cfg(test)]
+mod friction_tests;
 mod ranks;
 #[cfg(test)]
 mod tests;
@@ -220,30 +222,37 @@ impl Contact {
         })
     }
 
-    /// Ends a step at `x` (m): pairs slip.
-    fn slip(&mut self, x: &[f64]) {
-        let Some(friction) = self.friction else { return };
+    /// Ends a step at `x` (m): pairs slip. Whether one has left its triangle or edge under pressure.
+    fn slip(&mut self, x: &[f64]) -> bool {
+        let Some(friction) = self.friction else { return false };
+        let mut left = false;
         for k in 0..self.pairs.len() {
             let pair = self.pairs[k];
-            let Some(touch) = self.near(&pair, x) else { continue };
+            let Some(touch) = self.near(&pair, x) else {
+                left |= pair.stick.is_some();
+                continue;
+            };
             let (stick, taken) = touch.after_step(friction, self.stiffness, x);
             self.slipped += taken;
             self.pairs[k].stick = stick;
             let known = self.known.get_mut(&pair.node).into_iter().flatten();
             known.filter(|p| p.triangle == pair.triangle).for_each(|p| p.stick = stick);
         }
-        self.slipped += self.edges.slip(friction, self.stiffness, x);
+        let (taken, edge_left) = self.edges.slip(friction, self.stiffness, x);
+        self.slipped += taken;
+        left || edge_left
     }
 
-    /// Where a pair that has left a triangle sticks on the next one, `triangle`: at the same tangential distance.
-    fn stick_on(&self, p: &Pair, triangle: u32, x: &[f64]) -> Option<Stick> {
+    /// Where a pair that has left a triangle sticks on the next one, `triangle`: at the same tangential distance, as far as friction
+    /// holds it.
+    fn stick_on(&self, p: &Pair, triangle: u32, gap: f64, x: &[f64]) -> Option<Stick> {
         let (place, stick) = (at(x, p.node as usize), p.stick?);
         let corners = self.corners(p.triangle as usize, x);
         let (_, _, left) = foot(place, &corners)?;
         let elastic: Vec3 = (0..3).map(|i| corners[i] * (stick.weights[i + 1] + left[i])).sum();
         let next = self.corners(triangle as usize, x);
         let (_, n, now) = foot(place, &next)?;
-        let elastic = elastic - n * n.dot(&elastic);
+        let elastic = friction::limited(elastic - n * n.dot(&elastic), self.friction? * gap);
         let (_, _, moved) = foot(place + elastic, &next)?;
         let weights = [0, 1, 2].map(|i| moved[i] - 2.0 * now[i]);
         Some(Stick { weights: [1.0, weights[0], weights[1], weights[2]], elastic: elastic.norm() })
@@ -282,7 +291,7 @@ impl Contact {
         (gap > 0.0 && thickness >= 0.0).then(|| Pair {
             triangle,
             thickness: thickness.min(self.thickness),
-            stick: self.stick_on(p, triangle, x),
+            stick: self.stick_on(p, triangle, gap, x),
             ..*p
         })
     }
@@ -308,13 +317,13 @@ impl Contact {
 impl Contact {
     /// Ends the step before at positions `x` (m) of the nodes of the mesh, and finds pairs again where the fabric has moved.
     fn find_pairs_at(&mut self, x: &[f64]) {
-        self.slip(x);
-        if !self.stale(x) {
+        let left = self.slip(x);
+        if !(left || self.stale(x)) {
             return;
         }
         self.searched.clear();
         self.searched.extend_from_slice(x);
-        self.edges.search(x, self.thickness, self.edge);
+        self.edges.search(x, self.thickness, self.edge, self.friction);
         self.search_nodes(x);
     }
 

@@ -29,7 +29,7 @@ fn rotation() -> mesh::geometry::Mat3 {
 
 /// Two triangles whose free edges 0-1 and 3-4 cross at an angle (rad), the first at a distance above the other;
 /// both triangles recede from the crossing.
-fn crossed(distance: f64, angle: f64) -> Vec<f64> {
+pub(super) fn crossed(distance: f64, angle: f64) -> Vec<f64> {
     let (s, c) = angle.sin_cos();
     placed(&[
         [-0.6, 0.0, distance],
@@ -41,7 +41,7 @@ fn crossed(distance: f64, angle: f64) -> Vec<f64> {
     ])
 }
 
-fn pair_of_triangles() -> Contact {
+pub(super) fn pair_of_triangles() -> Contact {
     contact(vec![[0, 1, 2], [3, 4, 5]], 6)
 }
 
@@ -58,7 +58,7 @@ fn pressed(distance: f64, angle: f64) -> (Contact, Vec<f64>) {
 }
 
 /// Searches also where little has moved.
-fn search(contact: &mut Contact, x: &[f64]) {
+pub(super) fn search(contact: &mut Contact, x: &[f64]) {
     contact.searched.clear();
     contact.find_pairs(x);
 }
@@ -249,7 +249,7 @@ fn rejected_solve_leaves_no_trace_in_edges() {
     }
 }
 
-/// `layers` square sheets of `n` by `n` cells of 1 m on each other, each turned a little.
+/// `layers` square sheets of `n` by `n` cells of 1 m on each other, each pleated and turned a little: a third of their edges are ridges.
 fn layers(n: u32, layers: u32) -> (Contact, Vec<f64>) {
     let (mut triangles, mut x) = (Vec::new(), Vec::new());
     for layer in 0..layers {
@@ -258,7 +258,7 @@ fn layers(n: u32, layers: u32) -> (Contact, Vec<f64>) {
         for j in 0..=n {
             for i in 0..=n {
                 let (a, b) = (f64::from(i), f64::from(j));
-                x.extend([c * a - s * b, s * a + c * b, 0.04 * f64::from(layer)]);
+                x.extend([c * a - s * b, s * a + c * b, 0.04 * f64::from(layer) + 0.3 * f64::from(i % 2)]);
                 let p = base + j * (n + 1) + i;
                 if i < n && j < n {
                     triangles.extend([[p, p + 1, p + n + 2], [p, p + n + 2, p + n + 1]]);
@@ -283,6 +283,6 @@ fn cost_of_a_search_is_linear() {
     println!(
         "boxes compared for each edge: {small:.1} of 10 x 10 cells, {large:.1} of 40 x 40 cells, three layers"
     );
-    // Cells at the rim have fewer neighbours: those of 10 x 10 cells by a few per cent.
-    assert!(large < 1.2 * small && large > 10.0, "{small} {large}");
+    // The rim, all of whose edges are free, is a larger share of the small sheet.
+    assert!(large < 1.2 * small && large > 3.0, "{small} {large}");
 }

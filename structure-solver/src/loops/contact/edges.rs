@@ -246,23 +246,26 @@ impl EdgePairs {
         })
     }
 
-    /// Ends a step at `x` (m) with friction at a stiffness (N/m); the energy that slip took, J.
-    pub(super) fn slip(&mut self, friction: f64, stiffness: f64, x: &[f64]) -> f64 {
-        let mut taken = 0.0;
+    /// Ends a step at `x` (m) with friction at a stiffness (N/m); the energy that slip took, J, and whether a pair has left its
+    /// edges under pressure.
+    pub(super) fn slip(&mut self, friction: f64, stiffness: f64, x: &[f64]) -> (f64, bool) {
+        let (mut taken, mut left) = (0.0, false);
         for k in 0..self.pairs.len() {
-            if let Some(touch) = self.near(&self.pairs[k], x) {
-                let (stick, work) = touch.after_step(friction, stiffness, x);
-                self.pairs[k].stick = stick;
-                taken += work;
-            }
+            let Some(touch) = self.near(&self.pairs[k], x) else {
+                left |= self.pairs[k].stick.is_some();
+                continue;
+            };
+            let (stick, work) = touch.after_step(friction, stiffness, x);
+            self.pairs[k].stick = stick;
+            taken += work;
         }
-        taken
+        (taken, left)
     }
 
     /// Finds the pairs within twice the `thickness` (m) at positions `x` (m), in cells of `size` (m).
-    pub(super) fn search(&mut self, x: &[f64], thickness: f64, size: f64) {
+    pub(super) fn search(&mut self, x: &[f64], thickness: f64, size: f64, friction: Option<f64>) {
         self.review(x, thickness, size);
-        self.hand_over(x, thickness);
+        self.hand_over(x, thickness, friction.unwrap_or(0.0));
         self.find(x, thickness, size);
     }
 
@@ -317,7 +320,7 @@ impl EdgePairs {
         let cell = |x: Vec3| -> [i32; 3] { x.map(|v| (v / size).floor() as i32).into() };
         let margin = Vec3::repeat(thickness + BEYOND * size);
         for e in 0..self.edges.len() as u32 {
-            if self.torn(e, x, size) {
+            if self.torn(e, x, size) || !self.may_act(e, x, thickness) {
                 continue;
             }
             let [a, b] = self.ends(e, x);
@@ -368,6 +371,23 @@ impl EdgePairs {
         }
     }
 
+    /// Whether there is a direction in which an edge can act ([`EdgePairs::act`]). The largest distance by which both triangles of an edge
+    /// recede in one direction is the distance of the edge from the line between their third nodes, seen along the edge.
+    fn may_act(&self, edge: u32, x: &[f64], thickness: f64) -> bool {
+        let Edge { nodes, apexes } = &self.edges[edge as usize];
+        let &[a, b] = apexes.as_slice() else { return true };
+        let [from, to] = nodes.map(|n| at(x, n as usize));
+        let along = to - from;
+        let across = |n: u32| {
+            let r = at(x, n as usize) - from;
+            r - along * (r.dot(&along) / along.norm_squared())
+        };
+        let (p, q) = (across(a), across(b));
+        let share = (p.dot(&(p - q)) / (p - q).norm_squared()).clamp(0.0, 1.0);
+        // Not a number, where both nodes are in one place: it may.
+        !((p + (q - p) * share).norm_squared() <= thickness * thickness)
+    }
+
     /// Whether two edges are what comes nearest along the normal, on their sides: a free edge whose triangle does not reach out
     /// further, or a ridge whose triangles recede by more than the thickness.
     fn act(&self, edges: [u32; 2], normal: Vec3, x: &[f64], thickness: f64) -> bool {
@@ -388,7 +408,7 @@ impl EdgePairs {
 
     /// Passes the force of each pair whose edge was left under pressure to one pair of the next edge there: with the same side and the
     /// same energy, or less.
-    fn hand_over(&mut self, x: &[f64], thickness: f64) {
+    fn hand_over(&mut self, x: &[f64], thickness: f64, friction: f64) {
         for k in 0..self.left.len() {
             let p = self.left[k];
             let Some(c) = self.crossing(p.edges, x).map(|c| c.on_side_of(p.normal)) else { continue };
@@ -416,7 +436,9 @@ impl EdgePairs {
                 let kept = (found.distance + gap).min(thickness);
                 let acts = kept >= 0.0 && self.act(edges, found.normal, x, thickness);
                 let side = if a < b { 1.0 } else { -1.0 };
-                let stick = elastic.map(|e| found.stick(found.tangential(e * side)));
+                let held =
+                    |e: Vec3| friction::limited(found.tangential(e * side), friction * gap * found.fade().0);
+                let stick = elastic.map(|e| found.stick(held(e)));
                 acts.then_some(EdgePair { edges, normal: found.normal, thickness: kept, stick })
             });
             if let Some(pair) = taken {

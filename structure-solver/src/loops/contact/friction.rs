@@ -45,6 +45,12 @@ pub(super) fn of_row(r: [f64; NUMBERS]) -> Option<Option<Stick>> {
     }
 }
 
+/// A displacement cut to a length.
+pub(super) fn limited(elastic: Vec3, length: f64) -> Vec3 {
+    let size = elastic.norm();
+    if size > length { elastic * (length / size) } else { elastic }
+}
+
 /// A pair after slip.
 struct Slide {
     /// Weights of its sticking points.

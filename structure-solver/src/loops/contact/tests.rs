@@ -3,7 +3,7 @@
 use super::*;
 
 /// A triangle and a node at a distance from it, none of whose directions is an axis.
-fn positions(distance: f64) -> Vec<f64> {
+pub(super) fn positions(distance: f64) -> Vec<f64> {
     let corners = [[0.2, -0.1, 0.3], [1.1, 0.2, 0.0], [0.4, 0.9, 0.5]].map(Vec3::from);
     let area = (corners[1] - corners[0]).cross(&(corners[2] - corners[0]));
     let n = area * (1.0 / area.norm());
@@ -12,7 +12,7 @@ fn positions(distance: f64) -> Vec<f64> {
     [corners[0], corners[1], corners[2], node].map(<[f64; 3]>::from).concat()
 }
 
-const LAW: ContactLaw = ContactLaw { thickness: 0.05, stiffness: 700.0, friction: None };
+pub(super) const LAW: ContactLaw = ContactLaw { thickness: 0.05, stiffness: 700.0, friction: None };
 
 pub(super) fn contact(triangles: Vec<[u32; 3]>, nodes: u32) -> Contact {
     let mut contact = Contact::of(triangles, nodes as usize, LAW, 1.0);
