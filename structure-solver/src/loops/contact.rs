@@ -7,7 +7,8 @@
 //! momentum stay; they are the gradient of $`\tfrac12 k (h - s d)^2`$ (Wriggers, Computational
 //! Contact Mechanics, 2006, chapter 5).
 //!
-//! Edges that cross repel in the same way along the line between their closest points ([`edges`]).
+//! Edges that cross repel in the same way along the line between their closest points ([`edges`]). With a coefficient of
+//! friction pairs resist sliding ([`friction`]). On several ranks each finds all pairs ([`ranks`]).
 //!
 //! Pairs are found with a hash of boxes of the size of an edge, once for each step, with a
 //! margin that nodes cannot cross within it. A pair keeps its side until it is out of reach.

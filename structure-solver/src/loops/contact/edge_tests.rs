@@ -163,33 +163,34 @@ fn edges_that_turn_through_the_parallel_keep_their_side() {
     assert!((held(&contact, &crossed(0.03, -0.2)) - 700.0 * 0.02).abs() < 1e-9);
 }
 
+/// Edges 0-1 and 1-2 in one line along x at a height `z` (m), with apexes 3 and 4 above; edge 5-6 across at `x` (m), with apex 7 below.
+pub(super) fn across(x: f64, z: f64) -> Vec<f64> {
+    placed(&[
+        [-1.0, 0.0, z],
+        [0.0, 0.0, z],
+        [1.0, 0.0, z],
+        [-0.5, 0.2, z + 0.9],
+        [0.5, 0.2, z + 0.9],
+        [x, -0.5, 0.0],
+        [x + 0.1, 0.5, 0.0],
+        [x, 0.0, -0.9],
+    ])
+}
+
 /// An edge that slides under pressure from one free edge of a sheet to the next keeps the energy of its pair.
 #[test]
 fn sliding_edge_keeps_its_energy() {
-    // Edges 0-1 and 1-2 in one line along x, apexes 3 and 4 above; edge 5-6 across, apex 7 below.
-    let at_place = |x: f64, z: f64| {
-        placed(&[
-            [-1.0, 0.0, z],
-            [0.0, 0.0, z],
-            [1.0, 0.0, z],
-            [-0.5, 0.2, z + 0.9],
-            [0.5, 0.2, z + 0.9],
-            [x, -0.5, 0.0],
-            [x + 0.1, 0.5, 0.0],
-            [x, 0.0, -0.9],
-        ])
-    };
     let mut contact = contact(vec![[0, 1, 3], [1, 2, 4], [5, 6, 7]], 8);
-    search(&mut contact, &at_place(-0.3, 0.09));
-    search(&mut contact, &at_place(-0.3, -0.01));
+    search(&mut contact, &across(-0.3, 0.09));
+    search(&mut contact, &across(-0.3, -0.01));
     let first = contact.edges.pairs.clone();
-    let there = at_place(0.2, -0.01);
+    let there = across(0.2, -0.01);
     search(&mut contact, &there);
     assert_eq!((first.len(), contact.edges.pairs.len()), (1, 1));
     assert_ne!(first, contact.edges.pairs);
     assert!((contact.energy(&there) - 350.0 * 0.06 * 0.06).abs() < 1e-10, "{}", contact.energy(&there));
     // Off the end of the last edge the force ends.
-    search(&mut contact, &at_place(1.2, -0.01));
+    search(&mut contact, &across(1.2, -0.01));
     assert!(contact.edges.pairs.is_empty());
 }
 

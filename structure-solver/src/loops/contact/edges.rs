@@ -84,8 +84,7 @@ impl Crossing {
         let cross = along[0].cross(&along[1]);
         let square = cross.norm_squared();
         let sine2 = square / (along[0].norm_squared() * along[1].norm_squared());
-        // Not a number: parallel.
-        if !(sine2 > NO_NORMAL) {
+        if sine2.is_nan() || sine2 <= NO_NORMAL {
             return None;
         }
         let r = b[0] - a[0];
@@ -384,8 +383,9 @@ impl EdgePairs {
         };
         let (p, q) = (across(a), across(b));
         let share = (p.dot(&(p - q)) / (p - q).norm_squared()).clamp(0.0, 1.0);
+        let nearest = (p + (q - p) * share).norm_squared();
         // Not a number, where both nodes are in one place: it may.
-        !((p + (q - p) * share).norm_squared() <= thickness * thickness)
+        nearest.is_nan() || nearest > thickness * thickness
     }
 
     /// Whether two edges are what comes nearest along the normal, on their sides: a free edge whose triangle does not reach out

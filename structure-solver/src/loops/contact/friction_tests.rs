@@ -1,6 +1,6 @@
 //! Friction of one pair: the gradient of its energy, Coulomb's limit, balance of forces and moments.
 
-use super::edge_tests::{crossed, pair_of_triangles, search};
+use super::edge_tests::{across, crossed, pair_of_triangles, search};
 use super::tests::{contact, forces, positions};
 use super::*;
 
@@ -113,5 +113,28 @@ fn slipping_force_is_the_limit_of_coulomb() {
             contact.pairs.iter().all(|p| p.stick.is_none())
                 && contact.edges.pairs.iter().all(|p| p.row()[6] == 0.0)
         );
+    }
+}
+
+/// A pair that sticks keeps the energy of its spring on the next triangle, and on the next edge.
+#[test]
+fn sticking_pair_keeps_its_spring_on_the_next_face() {
+    let sheet = |x: f64, z: f64| -> Vec<f64> {
+        [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [x, x, z]].concat()
+    };
+    let mut node = contact(vec![[0, 1, 2], [1, 3, 2]], 5);
+    let mut edges = contact(vec![[0, 1, 3], [1, 2, 4], [5, 6, 7]], 8);
+    let (over, over_edges) = ([sheet(0.47, 0.09), sheet(0.47, 0.02), sheet(0.53, 0.02)], {
+        [across(-0.1, 0.09), across(-0.1, 0.02), across(0.1, 0.02)]
+    });
+    for (contact, places, way) in [(&mut node, over, 0.06 * 2f64.sqrt()), (&mut edges, over_edges, 0.2)] {
+        // No slip.
+        contact.friction = Some(1e3);
+        places[..2].iter().for_each(|x| search(contact, x));
+        contact.find_pairs(&places[1]);
+        contact.find_pairs(&places[2]);
+        let wanted = 350.0 * (0.03f64.powi(2) + way * way);
+        let found = contact.energy(&places[2]);
+        assert!((found - wanted).abs() < 1e-9 && contact.friction_work() == 0.0, "{found} {wanted}");
     }
 }
