@@ -11,7 +11,7 @@ use crate::elements::air::Cylinder;
 use crate::elements::cable::{self, CableLaw, TensionOnly, TwoWay};
 use crate::elements::mass::MassMatrix;
 use crate::elements::reefing::Schedule;
-use crate::loops::{Contact, ElementLoop, Elements};
+use crate::loops::{Contact, ContactLaw, ElementLoop, Elements};
 use crate::materials::{
     Elastic, KelvinVoigt, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField, Prestressed,
     StVenantKirchhoff, TensionField, Viscous,
@@ -194,13 +194,13 @@ pub fn dynamics(
         _ => s.mass.into(),
     };
     if let Some(c) = &scene.fabric.contact {
-        let ranks = comm.size();
-        if ranks > 1 {
-            return Err(ModelError::ContactRanks { ranks });
-        }
         let f = &scene.fabric;
-        let stiffness = c.stiffness * f.youngs_modulus_pa * f.thickness_m;
-        loops.push(Box::new(Contact::new(&model, c.distance_m, stiffness)));
+        let law = ContactLaw {
+            thickness: c.distance_m,
+            stiffness: c.stiffness * f.youngs_modulus_pa * f.thickness_m,
+            friction: c.friction,
+        };
+        loops.push(Box::new(Contact::new(&model, mesh, law)));
     }
     let system = System::new(model, loops, mass);
     let size = mesh.coords.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));

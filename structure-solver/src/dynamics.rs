@@ -87,7 +87,7 @@ pub struct WindowInfo {
     pub unconverged: u64,
     /// Work of the load, J.
     pub load_work: f64,
-    /// Energy that mass- and stiffness-proportional damping took, J.
+    /// Energy that mass- and stiffness-proportional damping and friction took, J.
     pub damping_work: f64,
     /// Work on the structure by kind.
     pub works: Works,
@@ -318,6 +318,8 @@ impl Dynamics {
             }
             Err(cause) if cuts < self.max_cuts => {
                 info.cuts += 1;
+                // What slipped in the step that failed is no part of the answer.
+                self.system.friction_work();
                 info.newton_steps += u64::from(cause.steps());
                 self.linear.renew();
                 let [first, second] = part.halves();
@@ -373,7 +375,7 @@ impl Dynamics {
         work
     }
 
-    /// Energy that damping takes from `current` to `next` on owned nodes, J.
+    /// Energy that damping and friction take from `current` to `next` on owned nodes, J.
     fn damping_work(&mut self) -> f64 {
         let mut work = 0.0;
         let (from, to) = (&self.current, &self.next);
@@ -394,6 +396,13 @@ impl Dynamics {
                 y[i] = self.system.model.reference[i] + to.u[i];
             }
             work += self.system.dissipation(&self.x, y);
+        }
+        if self.system.has_friction() {
+            for (x, (reference, u)) in self.x.iter_mut().zip(self.system.model.reference.iter().zip(&to.u)) {
+                *x = reference + u;
+            }
+            self.system.find_pairs(&self.x);
+            work += self.system.friction_work();
         }
         work
     }

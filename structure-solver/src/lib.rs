@@ -37,6 +37,8 @@ pub mod velocity_average;
 pub mod warm_start;
 
 #[cfg(test)]
+mod contact_tests;
+#[cfg(test)]
 mod effect_tests;
 #[cfg(test)]
 mod scene_tests;

@@ -8,7 +8,7 @@ mod elements;
 mod kinds;
 mod stencil;
 
-pub use contact::Contact;
+pub use contact::{Contact, ContactLaw};
 pub use elements::Elements;
 
 use crate::elements::mass::MassMatrix;
@@ -97,8 +97,18 @@ pub trait ElementLoop {
         false
     }
 
-    /// Finds what is near what at positions `x` (m).
+    /// Ends a step at positions `x` (m), and finds what is near what there. Collective where forces act between ranks.
     fn find_pairs(&mut self, _x: &[f64]) {}
+
+    /// Whether pairs have friction: then [`ElementLoop::find_pairs`] follows every step, and [`ElementLoop::friction_work`].
+    fn has_friction(&self) -> bool {
+        false
+    }
+
+    /// Energy (J) that friction of the pairs counted on this rank took since the last call.
+    fn friction_work(&mut self) -> f64 {
+        0.0
+    }
 
     /// The state now is that of an accepted window.
     fn keep(&mut self) {}

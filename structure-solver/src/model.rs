@@ -61,12 +61,6 @@ pub enum ModelError {
         /// Nodes where lines are attached.
         nodes: usize,
     },
-    /// Contact on several ranks.
-    #[error("self-contact of the fabric requires one rank, but there are {ranks}: use --ranks structure=1")]
-    ContactRanks {
-        /// Ranks of the program.
-        ranks: usize,
-    },
     /// A cable without a material.
     #[error("cable {cable} has no material: add [lines] to the scene, or [tapes] where it is a tape")]
     NoMaterial {

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 26] = [
+const EFFECTS: [&str; 27] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
@@ -53,6 +53,7 @@ const EFFECTS: [&str; 26] = [
     "descent.body",
     "reefing",
     "fabric.contact",
+    "fabric.contact.friction",
     "coupling.adaptive",
 ];
 

@@ -39,6 +39,8 @@ pub struct System {
     air: bool,
     /// Some loop's forces act between nodes that no element joins.
     pairs: bool,
+    /// Some loop's pairs have friction.
+    friction: bool,
     /// Displacements (m) that fixed components take in the next step; those not named
     /// stay. Local numbers `3 node + component`.
     pub(crate) prescribed: Vec<(u32, f64)>,
@@ -79,6 +81,7 @@ impl System {
         let timed = loops.iter().any(|l| l.depends_on_time());
         let air = loops.iter().any(|l| l.feels_air());
         let pairs = loops.iter().any(|l| l.finds_pairs());
+        let friction = loops.iter().any(|l| l.has_friction());
         let mut system = Self {
             model,
             matrix,
@@ -90,6 +93,7 @@ impl System {
             timed,
             air,
             pairs,
+            friction,
             prescribed: Vec::new(),
             nodal: Vec::new(),
         };
@@ -196,6 +200,16 @@ impl System {
         if self.pairs {
             self.loops.iter_mut().for_each(|l| l.find_pairs(x));
         }
+    }
+
+    /// Whether a step ends with [`System::find_pairs`] and [`System::friction_work`].
+    pub fn has_friction(&self) -> bool {
+        self.friction
+    }
+
+    /// See [`ElementLoop::friction_work`]; of this rank.
+    pub fn friction_work(&mut self) -> f64 {
+        self.loops.iter_mut().map(|l| l.friction_work()).sum()
     }
 
     /// See [`ElementLoop::keep`].

@@ -416,6 +416,31 @@ fn explicit_steps_give_the_same_answer_on_any_rank_count() {
     assert!(d < 1e-8, "{d}");
 }
 
+/// Contact with friction on any number of ranks: the closed vents of the cut lie on each other, and a pressure from outside presses
+/// the layers together. Explicit steps differ by the order of sums, implicit ones by the tolerance of the solvers.
+#[test]
+fn contact_gives_the_same_answer_on_any_rank_count() {
+    let short = STAGE.replace("duration_s = 0.1", "duration_s = 0.04").replace("14.567", "-14.567");
+    for how in ["integration = \"explicit\"", "spectral_radius = 0.6\nnewton_tolerance = 1e-9"] {
+        let law = format!("{how}\n[fabric.contact]\ndistance_m = 0.03\nfriction = 0.3");
+        let (scene, text) = scene(&short, &[("spectral_radius = 0.6", &law)]);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let d = ranks_differ_by(&scene, &text, folder.path(), &["canopy"]);
+        let shape = |text: &str, name: &str| {
+            let file = folder.path().join("other.toml");
+            std::fs::write(&file, text).expect("written");
+            let n = mesh::structure_mesh(&scene).expect("a mesh").n_canopy;
+            mesh::load_shape(&mpirun(2, &file, &folder.path().join(name)), n).expect("a shape")
+        };
+        let (with, without) = (shape(&text, "with"), shape(&text.replace(&law, how), "without"));
+        let acts = difference(with.as_flattened(), without.as_flattened());
+        println!(
+            "contact on 1, 2, 3 ranks, {how}: shapes differ by {d:.1e} m; contact moves them by {acts:.1e} m"
+        );
+        assert!(d < 1e-8 && acts > 1e-4, "{how}: {d} {acts}");
+    }
+}
+
 #[test]
 fn integrations_refuse_what_they_cannot_do() {
     let text = scene(STAGE, &[]).1;

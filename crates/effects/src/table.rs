@@ -126,17 +126,39 @@ pub const TABLE: &[Entry] = &[
     Entry {
         key: "fabric.contact",
         what: "fabric does not pass through itself",
-        model: "penalty of nodes against faces, pairs by a hash of boxes; one rank; off: fabric passes through fabric",
-        equation: "f = k (h - s n.(P - Q)) s n on the node, -f on the face",
-        reference: "Wriggers, Computational Contact Mechanics (2006), chapter 5",
+        model: "penalty of nodes against faces and of free edges and ridges against each other, pairs by hashes of boxes; off: fabric passes \
+                through fabric",
+        equation: "f = k (h - s n.(P - Q)) s n on the one side, -f on the other",
+        reference: "Wriggers, Computational Contact Mechanics (2006), chapter 5; nearly parallel edges: Li et al., ACM Transactions on \
+                    Graphics 39 (2020), section 5",
         programs: STRUCTURE,
         announced_by: Some(Role::Structure),
         criterion: "not assessed: where folds touch is known after a run only",
         on: |s| s.fabric.contact.is_some(),
         assess: c::contact,
-        cost: "a search of pairs in each structure step; one rank for the structure",
+        cost: "a search of pairs in each structure step; on several ranks all positions on each of them",
         needs: None,
         without: Some(|s| s.fabric.contact = None),
+        with: None,
+    },
+    Entry {
+        key: "fabric.contact.friction",
+        what: "layers of fabric in contact resist sliding",
+        model: "a tangential spring of the stiffness of the contact that slips at the limit; off: layers slide freely",
+        equation: "t = -k e, |t| <= mu N",
+        reference: "Wriggers, Computational Contact Mechanics (2006), sections 5.2 and 10.5",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: how far layers slide on each other is known after a run only",
+        on: |s| s.fabric.contact.as_ref().is_some_and(|c| c.friction.is_some()),
+        assess: c::contact_friction,
+        cost: "a pass over the pairs in contact in each structure step",
+        needs: Some("fabric.contact"),
+        without: Some(|s| {
+            if let Some(c) = &mut s.fabric.contact {
+                c.friction = None;
+            }
+        }),
         with: None,
     },
     Entry {

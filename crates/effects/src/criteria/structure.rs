@@ -111,6 +111,11 @@ pub fn contact(s: &Scope<'_>) -> Assessment {
     })
 }
 
+/// Friction acts where layers slide on each other, which the scene alone does not say.
+pub fn contact_friction(_: &Scope<'_>) -> Assessment {
+    Assessment::not("where layers touch and slide on each other is not known before the run")
+}
+
 /// Lines are part of what is built.
 pub fn lines(s: &Scope<'_>) -> Assessment {
     Assessment::not(if s.n.line_length > 0.0 {
