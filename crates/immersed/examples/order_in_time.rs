@@ -70,7 +70,7 @@ fn vortex(steps: usize) -> (Velocity, f64) {
 /// Velocity at time 0.6 around a plate whose velocity is that of `case` times sin2(pi t), and the impulse on the plate along z.
 fn plate(case: Case, across: f64, viscosity: f64, steps: usize) -> (Velocity, f64) {
     let h = 1.0 / across;
-    let axis = || Axis::stretched([-0.5 - 5.0 * h, 0.5 + 5.0 * h], h, [2.0, 2.0], 1.2, 2);
+    let axis = || Axis::stretched([-0.65 - 5.0 * h, 0.65 + 5.0 * h], h, [2.0, 2.0], 1.2, 2);
     let grid = Grid::new([axis(), axis(), axis()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]);
     let mut flow = Flow::new(grid, settings(viscosity));
     let (start, faces) = shapes::plate(across as usize);
