@@ -47,10 +47,8 @@ fn vortex(steps: usize) -> (Velocity, f64) {
         for (j, i) in (0..32).flat_map(|j| (0..32).map(move |i| (j, i))) {
             let [x, y]: [f64; 2] = [flow.grid.coordinate(c, 0, i), flow.grid.coordinate(c, 1, j)];
             // A second wave, so that convection does not cancel.
-            let value = [
-                x.cos() * y.sin() + 0.5 * (2.0 * y).sin(),
-                -x.sin() * y.cos() + 0.5 * (2.0 * x).sin(),
-            ][c];
+            let value =
+                [x.cos() * y.sin() + 0.5 * (2.0 * y).sin(), -x.sin() * y.cos() + 0.5 * (2.0 * x).sin()][c];
             for k in 0..3 {
                 let place = flow.grid.at([i as isize, j as isize, k]);
                 flow.velocity[c][place] = value;
