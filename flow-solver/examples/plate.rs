@@ -1,7 +1,7 @@
 //! The common plate case: drag, iterations and cost per cell and step.
 //!
 //! `cargo run --release -p flow-solver --example plate -- [every] [steps] [drop] [dt] [depth, or -Courant for LU-SGS] [first-order steps]
-//! [velocity diffusion] [speed] [equations: 4 or 5] [amplitude] [1: with detached eddies] [smallest upwind share]`
+//! [velocity diffusion] [speed] [equations: 4 or 5] [amplitude] [1: with detached eddies] [smallest upwind share] [1: slip on the plate]`
 //!
 //! With an amplitude of 0.1 m the plate and the grid around it oscillate at 1 Hz along the
 //! stream, in the manner of the peers' case `ale2` but without a mover's cost.
@@ -72,6 +72,10 @@ fn run<G: Gas<N>, const N: usize>(
 ) {
     solver.first_order_steps = first_order as u32;
     solver.spatial.upwind_share = std::env::args().nth(12).map_or(1.0, |a| a.parse().expect("a number"));
+    if std::env::args().nth(13).is_some_and(|a| a == "1") {
+        let walls = std::mem::take(&mut solver.topology.no_slip);
+        solver.topology.slip.extend(walls);
+    }
     println!("solver made: memory {}, peak {}", memory("VmRSS:"), memory("VmHWM:"));
     let mut loads = Loads::new(&solver);
     let cells = solver.topology.n_owned;

@@ -138,6 +138,11 @@ fn square_drop_study_matches_its_reference() {
 }
 
 #[test]
+fn methods_study_matches_its_reference() {
+    matches_reference("square-drop-methods");
+}
+
+#[test]
 fn atps_study_matches_its_reference() {
     matches_reference("atps-descent");
 }

@@ -1,7 +1,7 @@
 //! Drag of rigid shapes in laminar flow with no slip.
 //!
 //! `cargo run --release -p immersed --example viscous -- [plate|sphere|cylinder] [cells across] [end, D/U] [Reynolds number] [upwind share]
-//! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip]`
+//! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip] [Courant number] [offset in a cell: x, y, z]`
 //!
 //! The cylinder spans a grid of four cells that is periodic along its axis: two-dimensional flow.
 
@@ -30,6 +30,7 @@ fn argument(k: usize, default: f64) -> f64 {
 
 /// The shape, with a diameter of 1, off the symmetric place in its cell.
 fn surface(shape: &str, across: usize) -> Surface {
+    let [x, y, z] = [(10, 0.07), (11, 0.11), (12, -0.13)].map(|(k, default)| argument(k, default));
     let h = 1.0 / across as f64;
     let (nodes, faces) = match shape {
         "plate" => shapes::plate(across),
@@ -37,7 +38,7 @@ fn surface(shape: &str, across: usize) -> Surface {
         _ => shapes::cylinder(0.5, 4 * across, 5.0 * h),
     };
     let middle = if shape == "cylinder" { 2.0 * h } else { 0.0 };
-    let offset = Vector3::new(0.07 * h, 0.11 * h + middle, -0.13 * h);
+    let offset = Vector3::new(x * h, y * h + middle, z * h);
     (nodes.iter().map(|x| x + offset).collect(), faces)
 }
 
@@ -174,7 +175,7 @@ fn main() {
     let (share, perturbation, far) = (argument(5, 0.0), argument(6, 0.0), argument(7, 5.0));
     let grid = grid(&shape, across, far);
     let rate = FASTEST * across + 12.0 * across * across / reynolds;
-    let steps = (end * rate / MAX_COURANT).ceil() as usize;
+    let steps = (end * rate / argument(9, MAX_COURANT)).ceil() as usize;
     let dt = end / steps as f64;
     let momentum = Momentum { upwind_share: share, viscosity: 1.0 / reynolds };
     let settings = Settings { density: 1.0, far: Vector3::z(), momentum, tolerance: 1e-3 };
