@@ -421,7 +421,9 @@ fn explicit_steps_give_the_same_answer_on_any_rank_count() {
 #[test]
 fn contact_gives_the_same_answer_on_any_rank_count() {
     let short = STAGE.replace("duration_s = 0.1", "duration_s = 0.04").replace("14.567", "-14.567");
-    for how in ["integration = \"explicit\"", "spectral_radius = 0.6\nnewton_tolerance = 1e-9"] {
+    for (how, tolerance) in
+        [("integration = \"explicit\"", 1e-12), ("spectral_radius = 0.6\nnewton_tolerance = 1e-9", 1e-9)]
+    {
         let law = format!("{how}\n[fabric.contact]\ndistance_m = 0.03\nfriction = 0.3");
         let (scene, text) = scene(&short, &[("spectral_radius = 0.6", &law)]);
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -437,7 +439,7 @@ fn contact_gives_the_same_answer_on_any_rank_count() {
         println!(
             "contact on 1, 2, 3 ranks, {how}: shapes differ by {d:.1e} m; contact moves them by {acts:.1e} m"
         );
-        assert!(d < 1e-8 && acts > 1e-4, "{how}: {d} {acts}");
+        assert!(d < tolerance && acts > 1e-2, "{how}: {d} {acts}");
     }
 }
 

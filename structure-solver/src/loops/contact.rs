@@ -26,15 +26,15 @@ mod edges;
 mod friction;
 #[cfg(test)]
 mod friction_tests;
+mod hash;
 mod ranks;
 #[cfg(test)]
 mod tests;
 mod touch;
 
-use std::collections::HashMap;
-
 use self::edges::{EdgePair, EdgePairs};
 use self::friction::Stick;
+use self::hash::Map;
 use self::ranks::Ranks;
 use self::touch::Touch;
 use super::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
@@ -96,13 +96,13 @@ pub struct Contact {
     pairs: Vec<Pair>,
     edges: EdgePairs,
     /// Pairs of each node, now and at the search before.
-    known: HashMap<u32, Vec<Pair>>,
-    before: HashMap<u32, Vec<Pair>>,
+    known: Map<u32, Vec<Pair>>,
+    before: Map<u32, Vec<Pair>>,
     /// Positions at the last search, m; empty before the first.
     searched: Vec<f64>,
     /// Pairs and positions of the last search at the accepted state.
     accepted: (Vec<Pair>, Vec<EdgePair>, Vec<f64>),
-    cells: HashMap<[i32; 3], Vec<u32>>,
+    cells: Map<[i32; 3], Vec<u32>>,
     edge: f64,
 }
 
@@ -163,11 +163,11 @@ impl Contact {
             slipped: 0.0,
             ranks: None,
             pairs: Vec::new(),
-            known: HashMap::new(),
-            before: HashMap::new(),
+            known: Map::default(),
+            before: Map::default(),
             searched: Vec::new(),
             accepted: Default::default(),
-            cells: HashMap::new(),
+            cells: Map::default(),
             edge,
         }
     }

@@ -15,9 +15,8 @@
 //! nodes against triangles hold those, and pairs of such edges would multiply the stiffness of a face by the density of the crossings.
 //! A crease is no property of the mesh, so every edge is a candidate, and the rule is applied when a pair begins.
 
-use std::collections::HashMap;
-
 use super::friction::{self, Stick};
+use super::hash::Map;
 use super::touch::Touch;
 use super::{BEYOND, TORN, index};
 use crate::flat::at;
@@ -157,10 +156,10 @@ pub(super) struct EdgePairs {
     before: Vec<EdgePair>,
     left: Vec<EdgePair>,
     /// Places in `pairs`.
-    known: HashMap<[u32; 2], u32>,
+    known: Map<[u32; 2], u32>,
     /// Boxes around the edges with the reach, m, and the edges of each cell of the hash.
     boxes: Vec<[Vec3; 2]>,
-    cells: HashMap<[i32; 3], Vec<u32>>,
+    cells: Map<[i32; 3], Vec<u32>>,
     /// Boxes that the last search compared.
     pub(super) compared: usize,
 }
@@ -201,8 +200,8 @@ impl EdgePairs {
             pairs: Vec::new(),
             before: Vec::new(),
             left: Vec::new(),
-            known: HashMap::new(),
-            cells: HashMap::new(),
+            known: Map::default(),
+            cells: Map::default(),
             compared: 0,
         }
     }
