@@ -335,7 +335,7 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
                  [flow.solver]\nresidual_drop = 1e-3\n[mesh]\nmover = \"laplacian\"\n";
     let pulse = "[stage.perturbation]\nduration_s = 0.08\n";
     same_in_parts(folder.path(), "other", &format!("{SHEET}{other}{INFLATE}{DEVELOP}{pulse}{FALL}"), &cuts);
-    let folds = "[structure]\nspectral_radius = 0.8\n[fabric.contact]\ndistance_m = 0.003\n[fabric_gravity]\n[[reefing]]\nlength_m = 7.0\ndraw_in_s = 0.3\n";
+    let folds = "[structure]\nspectral_radius = 0.8\n[fabric.contact]\ndistance_m = 0.003\nfriction = 0.3\n[fabric_gravity]\n[[reefing]]\nlength_m = 7.0\ndraw_in_s = 0.3\n";
     let cuts_within = [("inflation", 9), ("inflation", 21)];
     same_in_parts(folder.path(), "folds", &format!("{SHEET}{folds}{INFLATE}"), &cuts_within);
     let moved = "[[stage]]\nname = \"move\"\nkind = \"prescribed\"\nduration_s = 0.08\nwindow_s = 1e-2\n\
