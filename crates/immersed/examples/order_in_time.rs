@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::flow::{Flow, Settings};
+use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid, Velocity};
 use immersed::momentum::Momentum;
@@ -90,7 +91,7 @@ fn plate(case: Case, across: f64, viscosity: f64, steps: usize) -> (Velocity, f6
         if case.friction {
             let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
             friction.set_velocities(&faces, &velocities);
-            flow.predict_with_friction(dt, Vector3::zeros(), &mut friction);
+            flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(&mut friction));
             friction.add_node_forces(&faces, &mut forces);
         } else {
             flow.predict(dt, Vector3::zeros());

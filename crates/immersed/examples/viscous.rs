@@ -1,7 +1,8 @@
 //! Drag of rigid shapes in laminar flow with no slip.
 //!
 //! `cargo run --release -p immersed --example viscous -- [plate|sphere|cylinder] [cells across] [end, D/U] [Reynolds number] [upwind share]
-//! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip] [Courant number] [offset in a cell: x, y, z]`
+//! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip] [Courant number] [offset in a cell: x, y, z]
+//! [1: upwind differences at free edges, 0: the same share as elsewhere]`
 //!
 //! The cylinder spans a grid of four cells that is periodic along its axis: two-dimensional flow.
 
@@ -11,6 +12,7 @@ use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, Settings};
+use immersed::free_edges::{EdgeFluxes, free_edges};
 use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
@@ -79,6 +81,7 @@ struct Case {
     own: Vec<u32>,
     cut: CutFaces,
     transfer: FaceTransfer,
+    edges: EdgeFluxes,
     friction: Option<Friction>,
     area: f64,
 }
@@ -99,21 +102,21 @@ impl Case {
             friction.as_ref().map_or(0, Friction::len),
             1e3 * clock.elapsed().as_secs_f64()
         );
+        let upwind = argument(13, 1.0) > 0.0;
+        let edges = if upwind { free_edges(&faces) } else { Vec::new() };
+        let edges = EdgeFluxes::new(&flow.grid, &nodes, &edges).expect(inside);
         let area = match shape {
             "plate" => 1.0,
             "sphere" => std::f64::consts::FRAC_PI_4,
             _ => 4.0 / across as f64,
         };
-        Self { nodes: nodes.len(), faces, own, cut, transfer, friction, area }
+        Self { nodes: nodes.len(), faces, own, cut, transfer, edges, friction, area }
     }
 
     /// One step; seconds of the prediction and of the rest.
     fn step(&mut self, flow: &mut Flow, dt: f64) -> (Coefficients, [f64; 2]) {
         let clock = Instant::now();
-        match &mut self.friction {
-            Some(friction) => flow.predict_with_friction(dt, Vector3::zeros(), friction),
-            None => flow.predict(dt, Vector3::zeros()),
-        }
+        flow.predict_around(dt, Vector3::zeros(), &self.edges, self.friction.as_mut());
         let predicted = clock.elapsed().as_secs_f64();
         let jumps = flow.solve_constraints(&self.cut.rows);
         flow.accept(&self.cut.rows, &jumps);

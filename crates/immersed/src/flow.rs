@@ -18,6 +18,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
+use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
@@ -166,19 +167,23 @@ impl Flow {
     /// Convection and viscosity over a step of `dt` s on a grid that moves with the velocity `frame`; the result serves all solutions of
     /// the step for different motions of the surface.
     pub fn predict(&mut self, dt: f64, frame: Vector3<f64>) {
-        self.predict_with(dt, frame, None);
+        self.predict_around(dt, frame, &EdgeFluxes::default(), None);
     }
 
-    /// [`Self::predict`] with no slip on a surface, whose forces `friction` has afterwards.
-    pub fn predict_with_friction(&mut self, dt: f64, frame: Vector3<f64>, friction: &mut Friction) {
-        self.predict_with(dt, frame, Some(friction));
-    }
-
-    fn predict_with(&mut self, dt: f64, frame: Vector3<f64>, friction: Option<&mut Friction>) {
+    /// [`Self::predict`] around a surface with free `edges`, and with no slip on it where there is `friction`, which has the forces afterwards.
+    pub fn predict_around(
+        &mut self,
+        dt: f64,
+        frame: Vector3<f64>,
+        edges: &EdgeFluxes,
+        friction: Option<&mut Friction>,
+    ) {
         let viscosity = self.settings.momentum.viscosity;
         let planes = self.slabs.own();
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
-        self.settings.momentum.rates(&self.grid, &self.velocity, frame, planes, &mut self.rates[0]);
+        let momentum = &self.settings.momentum;
+        momentum.rates(&self.grid, &self.velocity, frame, planes, &mut self.rates[0]);
+        edges.add_rates(momentum, &self.grid, &self.velocity, frame, &own, &mut self.rates[0]);
         if let Some(friction) = &friction {
             friction.interrupt_fluxes(viscosity, &self.velocity, &own, &mut self.rates[0]);
         }

@@ -5,6 +5,7 @@
 //! - [`poisson`]: the pressure equation,
 //! - [`cut_faces`], [`constraints`]: surfaces, and what they prescribe on the faces that they cut,
 //! - [`friction`]: no slip on surfaces in viscous flow,
+//! - [`free_edges`]: upwind differences at their free edges,
 //! - [`pockets`]: air that a surface encloses in few cells,
 //! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`slabs`]: the part of a grid that each rank computes,
@@ -17,6 +18,7 @@ pub mod constraints;
 pub mod cut_faces;
 pub mod face_transfer;
 pub mod flow;
+pub mod free_edges;
 pub mod friction;
 pub mod grid;
 pub mod momentum;

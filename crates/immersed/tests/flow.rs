@@ -3,6 +3,7 @@
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::flow::{Flow, Settings};
+use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
@@ -111,7 +112,7 @@ fn free_stream_is_kept_around_a_drifting_surface() {
         cut.set_velocities(&faces, &vec![stream; nodes.len()]);
         let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
         friction.set_velocities(&faces, &vec![stream; nodes.len()]);
-        flow.predict_with_friction(dt, frame, &mut friction);
+        flow.predict_around(dt, frame, &EdgeFluxes::default(), Some(&mut friction));
         let mut forces = vec![Vector3::zeros(); nodes.len()];
         friction.add_node_forces(&faces, &mut forces);
         assert!(forces.iter().all(|f| f.norm() < 1e-12) && friction.len() > 100, "{k}");
@@ -161,7 +162,7 @@ fn turning_plate(viscosity: f64, no_slip: bool) {
         if no_slip {
             let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
             friction.set_velocities(&faces, &velocities);
-            flow.predict_with_friction(dt, Vector3::zeros(), &mut friction);
+            flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(&mut friction));
             friction.add_node_forces(&faces, &mut forces);
             let total: Vector3<f64> = forces.iter().sum();
             assert!(total.x.abs() > 1e-3 && total.y.abs() > 1e-3, "{k}: friction {total:?}");

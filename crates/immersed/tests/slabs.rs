@@ -6,6 +6,7 @@ use std::sync::{Arc, Barrier, Mutex};
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::flow::{Flow, Settings};
+use immersed::free_edges::{EdgeFluxes, free_edges};
 use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
@@ -138,7 +139,8 @@ fn run(ranks: Rc<dyn Ranks>, nodes: &[Vector3<f64>], faces: &[[u32; 3]], low: En
         cut.rows.permeability.iter_mut().for_each(|r| *r *= 0.01);
         let mut friction = Friction::new(&flow.grid, &moved, faces).expect("inside");
         friction.set_velocities(faces, &vec![Vector3::new(0.1, 0.0, -0.2); nodes.len()]);
-        flow.predict_with_friction(dt, Vector3::new(0.0, 0.1, 0.2), &mut friction);
+        let edges = EdgeFluxes::new(&flow.grid, &moved, &free_edges(faces)).expect("inside");
+        flow.predict_around(dt, Vector3::new(0.0, 0.1, 0.2), &edges, Some(&mut friction));
         let jumps = flow.solve_constraints(&cut.rows);
         assert!(jumps.residual < 1e-12, "{}", jumps.residual);
         flow.accept(&cut.rows, &jumps);

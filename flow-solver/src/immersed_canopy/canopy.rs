@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use channel::LOAD_WIDTH;
+use immersed::free_edges::free_edges;
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
@@ -18,6 +19,8 @@ pub struct CanopySurface {
     pub triangles: Vec<[u32; 3]>,
     /// Face of each triangle.
     pub face_of: Vec<u32>,
+    /// Nodes of the edges that belong to one face only.
+    pub free_edges: Vec<[u32; 2]>,
     /// Faces of four nodes.
     quads: Vec<u32>,
 }
@@ -30,6 +33,7 @@ impl CanopySurface {
             n_nodes: structure.n_canopy,
             triangles: Vec::new(),
             face_of: Vec::new(),
+            free_edges: Vec::new(),
             quads: Vec::new(),
         };
         for (f, &[a, b, c, d]) in structure.faces.iter().enumerate() {
@@ -42,6 +46,7 @@ impl CanopySurface {
             }
             surface.face_of.resize(surface.triangles.len(), f as u32);
         }
+        surface.free_edges = free_edges(&surface.triangles);
         surface
     }
 
@@ -135,6 +140,7 @@ mod tests {
         };
         let surface = CanopySurface::new(&structure);
         assert_eq!((surface.triangles.len(), surface.face_of.clone()), (5, vec![0, 0, 0, 0, 1]));
+        assert_eq!(surface.free_edges, [[2, 3], [3, 0], [2, 0]]);
         assert_eq!(surface.vertices(&nodes, Vector3::zeros()).len(), 5);
         let forces = vec![Vector3::new(1.0, -2.0, 5.0), Vector3::new(0.3, 0.0, -1.0)];
         let mut load = vec![0.0; 8];

@@ -3,6 +3,7 @@
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, FlowState, Prediction, PressureJumps};
+use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
 use immersed::grid::Grid;
 use nalgebra::Vector3;
@@ -58,11 +59,9 @@ pub struct OpenWindow {
     pub nodes: Vec<Vector3<f64>>,
     /// The cuts of its steps.
     pub cuts: Vec<Cut>,
-    /// Friction in its steps; empty without viscosity. The surface is where it is at the start of each step, and has the accepted velocity: what
-    /// friction does is the same in all solutions of the window.
-    frictions: Vec<Friction>,
-    /// Force of friction on each face in each step, N.
-    friction_forces: Vec<Vec<Vector3<f64>>>,
+    /// The canopy in the prediction of each step. It is where it is at the start of the step, and has the accepted velocity: what it does there is the
+    /// same in all solutions of the window.
+    predictions: Vec<AroundCanopy>,
     /// Face of each triangle.
     face_of: Vec<u32>,
     /// Where several steps are needed: the state at its start.
@@ -116,16 +115,48 @@ pub fn predicted(start: &Start<'_>, time: f64, spacing: f64) -> Vec<Vector3<f64>
     start.positions.iter().zip(start.velocities).map(moved).collect()
 }
 
-/// Friction on the surface with `vertices` in coordinates of the grid, m, at the velocities of the start.
-fn friction(
-    flow: &Flow,
-    surface: &CanopySurface,
-    start: &Start<'_>,
-    vertices: &[Vector3<f64>],
-) -> Result<Friction, OutsideCore> {
-    let mut friction = Friction::new(&flow.grid, vertices, &surface.triangles)?;
-    friction.set_velocities(&surface.triangles, &surface.vertices(start.velocities, -start.frame));
-    Ok(friction)
+/// What the canopy does in the prediction of a step.
+#[derive(Default)]
+struct AroundCanopy {
+    /// Fluxes near its free edges.
+    edges: EdgeFluxes,
+    /// Friction; `None` without viscosity.
+    friction: Option<Friction>,
+    /// Force of friction on each face, N, once the step is predicted.
+    friction_forces: Vec<Vector3<f64>>,
+}
+
+impl AroundCanopy {
+    /// Of the canopy with `vertices` in coordinates of the grid, m, at the velocities of the start.
+    fn new(
+        flow: &Flow,
+        surface: &CanopySurface,
+        start: &Start<'_>,
+        vertices: &[Vector3<f64>],
+    ) -> Result<Self, OutsideCore> {
+        let momentum = flow.settings.momentum;
+        let mut around = Self::default();
+        if momentum.upwind_share < 1.0 {
+            around.edges = EdgeFluxes::new(&flow.grid, vertices, &surface.free_edges)?;
+        }
+        if momentum.viscosity > 0.0 {
+            let mut friction = Friction::new(&flow.grid, vertices, &surface.triangles)?;
+            friction.set_velocities(&surface.triangles, &surface.vertices(start.velocities, -start.frame));
+            around.friction = Some(friction);
+        }
+        Ok(around)
+    }
+
+    /// Convection, viscosity and friction of a step of `dt` s on a grid of velocity `frame` (m/s) around the canopy.
+    fn predict(&mut self, flow: &mut Flow, dt: f64, frame: Vector3<f64>, face_of: &[u32], faces: usize) {
+        flow.predict_around(dt, frame, &self.edges, self.friction.as_mut());
+        if let Some(friction) = &self.friction {
+            let mut forces = vec![0.0; 3 * faces];
+            friction.add_face_forces(face_of, &mut forces);
+            flow.slabs().ranks().sum(&mut forces);
+            self.friction_forces = forces.chunks_exact(3).map(Vector3::from_column_slice).collect();
+        }
+    }
 }
 
 impl OpenWindow {
@@ -146,14 +177,10 @@ impl OpenWindow {
         let spacing = flow.grid.axes[0].spacing;
         let mut cuts = Vec::with_capacity(count);
         let mut nodes = Vec::new();
-        let mut frictions = Vec::new();
-        // Friction counts from the vertices at the start of a step.
-        let viscous = flow.settings.momentum.viscosity > 0.0;
-        let mut vertices = if viscous { surface.vertices(start.positions, start.origin) } else { Vec::new() };
+        let mut predictions = Vec::with_capacity(count);
+        let mut vertices = surface.vertices(start.positions, start.origin);
         for step in 1..=count {
-            if viscous {
-                frictions.push(friction(flow, surface, start, &vertices)?);
-            }
+            predictions.push(AroundCanopy::new(flow, surface, start, &vertices)?);
             let time = dt * step as f64 / count as f64;
             nodes = predicted(start, time, spacing);
             vertices = surface.vertices(&nodes, start.origin + drift * time);
@@ -168,8 +195,7 @@ impl OpenWindow {
             drift,
             nodes,
             cuts,
-            friction_forces: vec![Vec::new(); frictions.len()],
-            frictions,
+            predictions,
             face_of: surface.face_of.clone(),
             start,
             predicted: false,
@@ -209,9 +235,8 @@ impl OpenWindow {
             if step > 0 || !self.predicted {
                 self.predict(flow, step, face_velocities.len());
             }
-            if let Some(friction) = self.friction_forces.get(step) {
-                solution.forces.iter_mut().zip(friction).for_each(|(sum, f)| *sum += f / count as f64);
-            }
+            let friction = &self.predictions[step].friction_forces;
+            solution.forces.iter_mut().zip(friction).for_each(|(sum, f)| *sum += f / count as f64);
             let cut = &mut self.cuts[step];
             cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
             let jumps = {
@@ -237,16 +262,7 @@ impl OpenWindow {
     fn predict(&mut self, flow: &mut Flow, step: usize, faces: usize) {
         let _part = timing::part("momentum");
         let dt = self.dt / self.cuts.len() as f64;
-        match self.frictions.get_mut(step) {
-            Some(friction) => {
-                flow.predict_with_friction(dt, self.velocity, friction);
-                let mut forces = vec![0.0; 3 * faces];
-                friction.add_face_forces(&self.face_of, &mut forces);
-                flow.slabs().ranks().sum(&mut forces);
-                self.friction_forces[step] = forces.chunks_exact(3).map(Vector3::from_column_slice).collect();
-            }
-            None => flow.predict(dt, self.velocity),
-        }
+        self.predictions[step].predict(flow, dt, self.velocity, &self.face_of, faces);
         if step == 0 {
             self.predicted = true;
             self.first = self.start.is_some().then(|| flow.prediction());
