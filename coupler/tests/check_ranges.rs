@@ -148,6 +148,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/local_mach.rs",
         "local_mach_number_warns_once_and_is_limited_to_one",
     ),
+    (
+        "flow.leakage",
+        "crates/coupling/src/leakage.rs",
+        "leakage_is_relative_to_stream_and_fabric_and_warns_once",
+    ),
     ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
     ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
     (

@@ -10,6 +10,7 @@ use coupling::descent::DescentModel;
 use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::{Location, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
+use coupling::leakage;
 use coupling::local_mach;
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
@@ -190,6 +191,9 @@ impl<'c, 'p> StageRun<'c, 'p> {
         self.warn(&row);
         self.records.push(&row)?;
         self.check_flow(&row, window, &before)?;
+        if let Some(text) = self.leakage_warning(&row) {
+            self.window_warning(&text);
+        }
         self.summary.add(&row);
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.progress.update(&row);
@@ -412,19 +416,30 @@ impl<'c, 'p> StageRun<'c, 'p> {
             structure_energy::warning(self.summary.structure_energy_created_share, structure),
             self.mach_warning(row),
         ];
-        for text in texts.into_iter().flatten() {
-            console.warning(&format!(
-                "window {} of stage `{}`: {text}",
-                self.index,
-                context.description().name
-            ));
-        }
+        texts.into_iter().flatten().for_each(|text| self.window_warning(&text));
+    }
+
+    /// Prints a warning of this window.
+    fn window_warning(&self, text: &str) {
+        let name = &self.context.description().name;
+        self.context.console.warning(&format!("window {} of stage `{name}`: {text}", self.index));
     }
 
     fn mach_warning(&self, row: &Row) -> Option<String> {
         let flow = self.context.scene.flow.as_ref()?;
         let mach = flow_bounds::flow_statistics(&row.report.stats)[flow_stats::MAX_MACH];
         local_mach::warning(flow.energy.is_some(), self.summary.largest_local_mach, mach)
+    }
+
+    /// Of an immersed canopy: air that passes airtight cloth, after the bounds know the speeds of the window.
+    fn leakage_warning(&mut self, row: &Row) -> Option<String> {
+        let flow = self.context.scene.flow.as_ref().filter(|flow| flow.is_immersed())?;
+        let area = self.context.interface.sizes.fabric_area;
+        let defect = flow_bounds::flow_statistics(&row.report.stats)[flow_stats::MASS_DEFECT];
+        let share = leakage::share(defect, flow.density_kg_m3, area, self.flow_bounds?.speed());
+        let before = self.summary.largest_leakage_share.unwrap_or(0.0);
+        self.summary.largest_leakage_share = Some(share.max(before));
+        leakage::warning(before, share)
     }
 
     /// Refuses unphysical speeds and pressures of the flow in the window of `row`, whose initial displacement is

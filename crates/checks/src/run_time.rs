@@ -126,6 +126,18 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "flow.leakage",
+        what: "airtight cloth is airtight in an immersed flow",
+        estimate: "air that passes it (MASS_DEFECT over density) over fabric area and the speed of stream and canopy, largest_leakage_share \
+                   in summary.json",
+        range: "warning above 1 %",
+        source: "pockets of at most 64 cells between folds leak; the drag of a canopy falls by about twice the share of the stream that \
+                 passes it",
+        severity: Warning,
+        remedy: "reduce flow.immersed.spacing_m",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "wake.symmetric",
         what: "the means of the main stage are those of a wake that is not symmetric",
         estimate: "root mean square of the side force over the mean drag, both over the last half of the windows \

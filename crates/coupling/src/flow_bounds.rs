@@ -68,6 +68,11 @@ impl FlowBounds {
         })
     }
 
+    /// Largest speed of stream and canopy so far, m/s.
+    pub fn speed(&self) -> f64 {
+        self.stream + self.canopy
+    }
+
     /// Adds a window of length `dt` (s) with the velocity of the undisturbed air in the frame (m/s) at its end and
     /// the displacements (m) at both ends; then checks the statistics of its flow.
     ///
@@ -85,7 +90,7 @@ impl FlowBounds {
         let moved = |(a, b): (&[f64], &[f64])| norm(&[b[0] - a[0], b[1] - a[1], b[2] - a[2]]) / dt;
         self.canopy =
             before.chunks_exact(3).zip(after.chunks_exact(3)).map(moved).fold(self.canopy, f64::max);
-        let speed = self.stream + self.canopy;
+        let speed = self.speed();
         let [possible_speed, possible_pressure] = self.possible(dt);
         let error = |what, unit, found, possible| {
             Err(ImpossibleFlow { what, unit, found, possible, speed_m_s: speed, pressure_pa: self.pressure })
@@ -108,7 +113,7 @@ impl FlowBounds {
 
     /// Largest speed (m/s) and gauge pressure (Pa) that the motion so far can cause in a window of `dt` seconds.
     fn possible(&self, dt: f64) -> [f64; 2] {
-        let speed = self.stream + self.canopy;
+        let speed = self.speed();
         let jet = (2.0 * self.pressure / self.density).sqrt();
         let inertia = self.density * speed * self.sound.min(self.size / dt);
         [speed + jet, 0.5 * self.density * speed * speed + inertia + self.pressure]

@@ -18,6 +18,7 @@ pub mod flow_bounds;
 mod geometry;
 mod impossible_flow;
 pub mod interface;
+pub mod leakage;
 pub mod local_mach;
 pub mod partners;
 pub mod release;

@@ -34,6 +34,19 @@ impl Flow {
         PressureJumps { jump, iterations, residual }
     }
 
+    /// Air that passes airtight cloth under these jumps in the step, m3/s: the sum of its magnitudes over the rows. What permeable cloth lets pass
+    /// does not count.
+    pub fn leakage(&self, rows: &FluxConstraints, jumps: &[f64]) -> f64 {
+        let factor = self.factor();
+        jumps.iter().enumerate().map(|(r, jump)| airtight_leak(rows, r, factor) * jump.abs()).sum()
+    }
+
+    /// Length of the step over the mass of a cell, s/kg.
+    fn factor(&self) -> f64 {
+        let volume: f64 = self.grid.axes.iter().map(|a| a.spacing).product();
+        self.dt / self.settings.density / volume
+    }
+
     /// Sets the jumps, Pa, from which the next solution of the constraints starts.
     pub fn start_from(&mut self, jumps: Vec<f64>) {
         self.jump = jumps;
@@ -43,6 +56,16 @@ impl Flow {
     pub fn jumps(&self) -> &[f64] {
         &self.jump
     }
+}
+
+/// Flux of a row through its own faces over its jump, m3/(s Pa): the projection leaves two thirds of an impulse at a single face.
+fn own_response(rows: &FluxConstraints, row: usize, factor: f64) -> f64 {
+    0.67 * factor * rows.square(row)
+}
+
+/// Flux through airtight cloth over the jump of a row, m3/(s Pa).
+fn airtight_leak(rows: &FluxConstraints, row: usize, factor: f64) -> f64 {
+    rows.leak[row] * own_response(rows, row, factor)
 }
 
 /// The system of the pressure jumps.
@@ -64,12 +87,11 @@ impl<'a> Constraint<'a> {
         let closure = flow.poisson.closure(&rows.cells[2]);
         let part = Part::share(&rows.cells, &flow.slabs);
         let faces = OwnFaces::new(rows, &flow.slabs, part.own());
-        let volume: f64 = flow.grid.axes.iter().map(|a| a.spacing).product();
-        let factor = flow.dt / flow.settings.density / volume;
-        // The projection leaves two thirds of an impulse at a single face.
-        let own = |r: usize| 0.67 * factor * rows.square(r);
-        let leak = (0..rows.len()).map(|r| rows.permeability[r] + rows.leak[r] * own(r)).collect::<Vec<_>>();
-        let diagonal = (0..rows.len()).map(|r| own(r) + leak[r]).collect();
+        let factor = flow.factor();
+        let leak = (0..rows.len())
+            .map(|r| rows.permeability[r] + airtight_leak(rows, r, factor))
+            .collect::<Vec<_>>();
+        let diagonal = (0..rows.len()).map(|r| own_response(rows, r, factor) + leak[r]).collect();
         Self { flow, rows, part, faces, closure, leak, diagonal, factor }
     }
 

@@ -121,7 +121,10 @@ pub const HISTORY: &[Column] = &[
     column("flow_max_courant", "Largest convective Courant number."),
     column("flow_max_pressure_pa", "Largest gauge pressure."),
     column("flow_min_pressure_pa", "Smallest gauge pressure."),
-    column("flow_mass_defect_kg_s", "Sum over all cells of the residual of continuity."),
+    column(
+        "flow_mass_defect_kg_s",
+        "Sum over all cells of the residual of continuity; of an immersed canopy the air that passes airtight cloth.",
+    ),
     column("mesh_iterations", "Linear iterations of the grid motion in the last solve."),
     column("mesh_increments", "Increments into which the grid motion of the window was divided."),
     column("mesh_residual", "Residual of the grid motion."),

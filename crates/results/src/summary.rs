@@ -118,6 +118,9 @@ pub struct StageSummary {
     /// Largest local Mach number of the flow; 0 without a flow.
     #[serde(default)]
     pub largest_local_mach: f64,
+    /// Of an immersed canopy: largest mean speed of air through airtight cloth, over the speed of stream and canopy.
+    #[serde(default)]
+    pub largest_leakage_share: Option<f64>,
     /// Wake of the canopy over the last half of the windows; `None` where it is not assessed.
     #[serde(default)]
     pub wake: Option<Wake>,
@@ -191,6 +194,7 @@ impl StageSummary {
             structure_energy_created_j: 0.0,
             structure_energy_created_share: None,
             largest_local_mach: 0.0,
+            largest_leakage_share: None,
             wake: None,
             settled: Vec::new(),
             projected_area_m2: 0.0,

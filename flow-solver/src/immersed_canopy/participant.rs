@@ -306,6 +306,7 @@ impl ImmersedParticipant {
         values[flow_stats::ITERATIONS] = open.cuts.len() as f64;
         values[flow_stats::LINEAR_ITERATIONS] = solution.iterations as f64;
         values[flow_stats::MAX_COURANT] = open.courant;
+        values[flow_stats::MASS_DEFECT] = self.flow.settings.density * solution.leakage;
         let [low, high] = open.jumps.as_ref().map_or([0.0; 2], |jumps| {
             jumps.jump.iter().fold([0.0f64; 2], |[low, high], p| [low.min(*p), high.max(*p)])
         });

@@ -84,6 +84,8 @@ pub struct Solution {
     /// Iterations of all steps, and the largest residual.
     pub iterations: usize,
     pub residual: f64,
+    /// Air that passes airtight cloth in the last step, m3/s.
+    pub leakage: f64,
 }
 
 /// What a window starts from.
@@ -245,6 +247,7 @@ impl OpenWindow {
             };
             solution.iterations += jumps.iterations;
             solution.residual = jumps.residual.max(solution.residual);
+            solution.leakage = flow.leakage(&cut.faces.rows, &jumps.jump);
             let share: Vec<f64> = jumps.jump.iter().map(|j| j / count as f64).collect();
             self.cuts[step].transfer.add_forces(&share, &mut solution.forces);
             if step + 1 < count {
