@@ -83,10 +83,10 @@ fn piece(flow: &Flow, place: &Place, file: &Path) -> Result<(), Fault> {
     let relative = |v: &Vector3<f64>| v + place.wind - place.frame;
     let frame: Vec<_> = velocity.iter().map(|v| single(relative(v))).collect();
     let mach: Vec<f32> = velocity.iter().map(|v| (relative(v).norm() / place.sound) as f32).collect();
-    let gradients = gradients(flow, &velocity);
-    let vorticity: Vec<_> =
-        gradients.iter().map(|g| single(Vector3::new(g.m32 - g.m23, g.m13 - g.m31, g.m21 - g.m12))).collect();
-    let q: Vec<f32> = gradients.iter().map(|g| (-0.5 * (g * g).trace()) as f32).collect();
+    let curl = |g: Matrix3<f64>| single(Vector3::new(g.m32 - g.m23, g.m13 - g.m31, g.m21 - g.m12));
+    let vorticity: Vec<_> = gradients(flow, &velocity).map(curl).collect();
+    let q: Vec<f32> = gradients(flow, &velocity).map(|g| (-0.5 * (g * g).trace()) as f32).collect();
+    drop(velocity);
     let fields = [
         ("pressure_pa", Values::F32(&pressure)),
         ("velocity_ground_m_s", Values::Vector32(&ground)),
@@ -98,12 +98,11 @@ fn piece(flow: &Flow, place: &Place, file: &Path) -> Result<(), Fault> {
     write_volume(file, &nodes, &cells, &[], &fields).map_err(Fault::new)
 }
 
-/// Gradients of the velocity, row i that of component i, by differences of neighbouring cells, 1/s.
-fn gradients(flow: &Flow, velocity: &[Vector3<f64>]) -> Vec<Matrix3<f64>> {
+/// Gradients of the velocity in each cell, row i that of component i, by differences of neighbouring cells, 1/s.
+fn gradients<'a>(flow: &'a Flow, velocity: &'a [Vector3<f64>]) -> impl Iterator<Item = Matrix3<f64>> + 'a {
     let n = flow.grid.cells();
     let strides = [1, n[0], n[0] * n[1]];
-    let mut gradients = Vec::with_capacity(velocity.len());
-    for at in 0..velocity.len() {
+    (0..velocity.len()).map(move |at| {
         let cell = [at % n[0], at / n[0] % n[1], at / strides[2]];
         let along = |d: usize| {
             let axis = &flow.grid.axes[d];
@@ -111,7 +110,6 @@ fn gradients(flow: &Flow, velocity: &[Vector3<f64>]) -> Vec<Matrix3<f64>> {
             let value = |i: usize| velocity[at + i * strides[d] - cell[d] * strides[d]];
             (value(above) - value(below)) / (axis.centre(above) - axis.centre(below))
         };
-        gradients.push(Matrix3::from_columns(&[along(0), along(1), along(2)]));
-    }
-    gradients
+        Matrix3::from_columns(&[along(0), along(1), along(2)])
+    })
 }
