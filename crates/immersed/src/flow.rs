@@ -426,7 +426,8 @@ impl Flow {
         self.pressure.iter().map(move |p| scale * p)
     }
 
-    fn cell_velocity(&self, cell: [usize; 3]) -> Vector3<f64> {
+    /// Velocity at the centre of a cell, m/s. On several ranks after [`Self::gather`].
+    pub fn cell_velocity(&self, cell: [usize; 3]) -> Vector3<f64> {
         let at = self.grid.at(cell.map(|i| i as isize));
         let mean =
             |c: usize, _: usize| 0.5 * (self.velocity[c][at] + self.velocity[c][at + self.grid.strides[c]]);
