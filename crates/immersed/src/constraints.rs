@@ -1,12 +1,10 @@
 //! Linear constraints on the velocity of faces.
 
-use std::ops::Range;
-
 use nalgebra::Vector3;
 
-use crate::grid::{Grid, Velocity};
+use crate::grid::{Grid, Layout, Velocity};
 use crate::poisson::Box3;
-use crate::slabs::Slabs;
+use crate::projection::{Gradient, Part};
 
 /// [`FluxConstraints::leak`] of airtight cloth. Air in a resolved pocket that cloth encloses has no other way out when the pocket shrinks. Through
 /// airtight cloth passes 1e-5 of the stream in steady flow at a Courant number of 0.1, and 1e-4 for each cell of the radius of the cloth at an
@@ -70,7 +68,7 @@ impl FluxConstraints {
         self.leak.push(AIRTIGHT);
     }
 
-    fn entries(&self, row: usize) -> impl Iterator<Item = (&(u8, usize), &f64)> {
+    pub(crate) fn entries(&self, row: usize) -> impl Iterator<Item = (&(u8, usize), &f64)> {
         let range = self.offsets[row]..self.offsets[row + 1];
         self.faces[range.clone()].iter().zip(&self.weights[range])
     }
@@ -100,43 +98,64 @@ impl FluxConstraints {
     }
 }
 
-/// The faces of constraints in some planes of the grid.
-#[derive(Clone, Debug)]
+/// A face of a constraint in the own planes.
+#[derive(Clone, Copy, Debug)]
+struct OwnFace {
+    component: u8,
+    at: usize,
+    /// Weight, m2.
+    weight: f64,
+    /// Gradient of the pressure there.
+    gradient: Gradient,
+}
+
+/// The faces of constraints in the planes of a part.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct OwnFaces {
     /// First entry of each row; one more than rows.
     offsets: Vec<usize>,
-    /// Component, position in its array, weight (m2).
-    entries: Vec<(u8, usize, f64)>,
+    entries: Vec<OwnFace>,
 }
 
 impl OwnFaces {
-    /// Of the planes `planes` along z.
-    pub(crate) fn new(rows: &FluxConstraints, slabs: &Slabs, planes: Range<usize>) -> Self {
-        let own = slabs.positions(planes.start as isize..planes.end as isize);
-        let mut faces = Self { offsets: vec![0], entries: Vec::with_capacity(rows.faces.len()) };
+    /// Sets the faces in the planes of `part` along z, with positions in arrays of `layout`.
+    pub(crate) fn set(&mut self, rows: &FluxConstraints, grid: &Grid, part: &Part, layout: &Layout) {
+        self.entries.clear();
+        self.offsets.clear();
+        self.offsets.push(0);
+        let (own, of_grid) = (part.own(), grid.layout());
         for row in 0..rows.len() {
-            let entries = rows.entries(row).filter(|((_, at), _)| own.contains(at));
-            faces.entries.extend(entries.map(|((c, at), w)| (*c, *at, *w)));
-            faces.offsets.push(faces.entries.len());
+            for ((component, at), weight) in rows.entries(row) {
+                let cell = of_grid.cell(*at);
+                let index = cell.map(|i| i as usize);
+                if own.contains(&index[2]) {
+                    let gradient = part.gradient(grid, *component as usize, index);
+                    let (component, weight, at) = (*component, *weight, layout.at(cell));
+                    self.entries.push(OwnFace { component, at, weight, gradient });
+                }
+            }
+            self.offsets.push(self.entries.len());
         }
-        faces
     }
 
-    fn rows(&self) -> impl Iterator<Item = &[(u8, usize, f64)]> {
+    fn rows(&self) -> impl Iterator<Item = &[OwnFace]> {
         self.offsets.windows(2).map(|range| &self.entries[range[0]..range[1]])
     }
 
-    /// Share of these faces in the sum of the weighted velocities of each row, m3/s.
-    pub(crate) fn fluxes(&self, u: &Velocity, fluxes: &mut [f64]) {
+    /// Share of these faces in the sum of the weighted velocities of each row, m3/s, for the velocity `u` less the gradient of `p`, with the
+    /// plane `below` it.
+    pub(crate) fn fluxes(&self, u: &Velocity, [p, below]: [&[f64]; 2], fluxes: &mut [f64]) {
         for (flux, entries) in fluxes.iter_mut().zip(self.rows()) {
-            *flux = entries.iter().map(|(c, at, w)| w * u[*c as usize][*at]).sum();
+            let of = |f: &OwnFace| f.weight * (u[f.component as usize][f.at] - f.gradient.of(p, below));
+            *flux = entries.iter().map(of).sum();
         }
     }
 
-    /// Largest speed at these faces of each row, m/s.
-    pub(crate) fn largest_speeds(&self, u: &Velocity, speeds: &mut [f64]) {
+    /// Largest speed at these faces of each row, m/s; arguments of [`Self::fluxes`].
+    pub(crate) fn largest_speeds(&self, u: &Velocity, [p, below]: [&[f64]; 2], speeds: &mut [f64]) {
         for (speed, entries) in speeds.iter_mut().zip(self.rows()) {
-            *speed = entries.iter().map(|(c, at, _)| u[*c as usize][*at].abs()).fold(0.0, f64::max);
+            let of = |f: &OwnFace| (u[f.component as usize][f.at] - f.gradient.of(p, below)).abs();
+            *speed = entries.iter().map(of).fold(0.0, f64::max);
         }
     }
 }

@@ -13,6 +13,7 @@
 //! ```
 //! which conjugate gradients solve. $`P`$ is exact; the iterations apply it in the box of cells around the surface only.
 
+use std::ops::Range;
 use std::rc::Rc;
 
 use nalgebra::Vector3;
@@ -23,6 +24,7 @@ use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
 use crate::poisson::Poisson;
+use crate::pressure_jumps::ConstraintWork;
 use crate::projection::{Part, cells_of, divergence};
 use crate::slabs::{Alone, Ranks, Slabs, TooManyRanks};
 
@@ -50,12 +52,25 @@ pub struct PressureJumps {
     pub residual: f64,
 }
 
-/// A predicted step, to which several solutions of its constraints may return.
+/// Fluxes of the predicted velocity through the faces of constraints, which all solutions of a step share.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PredictedFluxes {
+    /// Flux of each row, m3/s.
+    pub(crate) fluxes: Vec<f64>,
+    /// Largest speed at the faces of each row, m/s.
+    pub(crate) speeds: Vec<f64>,
+}
+
+/// An accepted step that [`Flow::return_to_prediction`] or [`Flow::return_to_start`] may undo, and all steps after it.
 #[derive(Clone, Debug)]
-pub struct Prediction {
-    predicted: Velocity,
-    projected: Velocity,
+struct KeptStep {
+    /// Velocity at its start, rates of the step before it, and its own.
+    velocity: Velocity,
+    before: Velocity,
     rates: Velocity,
+    /// Predicted velocity next to walls ([`Flow::predict_around`]).
+    at_walls: Vec<(u8, usize, f64)>,
+    previous_dt: Option<f64>,
     dt: f64,
 }
 
@@ -70,16 +85,24 @@ pub struct Flow {
     pub velocity: Velocity,
     pub(crate) slabs: Slabs,
     pub(crate) poisson: Poisson,
-    /// Rates of the last accepted step and the one before.
-    rates: [Velocity; 2],
+    /// Rates of the last accepted step; empty after a step that is kept, which has them.
+    before: Velocity,
     previous_dt: Option<f64>,
-    /// Velocity of the step before pressure and surface, and the same without divergence.
-    predicted: Velocity,
-    pub(crate) projected: Velocity,
-    pub(crate) impulse: Velocity,
+    /// Rates of the step that is predicted, and its velocity before pressure and surface; empty or not in use where none is predicted.
+    rates: Velocity,
+    pub(crate) predicted: Velocity,
+    /// Component, position and value of the predicted velocities that friction has changed.
+    at_walls: Vec<(u8, usize, f64)>,
+    /// Time step over density times the pressure of the last accepted step, or that of the predicted velocity; without ghosts.
     pub(crate) pressure: Vec<f64>,
     /// Pressures of the plane below the own ones.
     pub(crate) below: Vec<f64>,
+    /// Whether the pressure is that of the predicted velocity.
+    pub(crate) has_predicted_pressure: bool,
+    kept: Option<KeptStep>,
+    /// Arrays that are free.
+    spare: Vec<Velocity>,
+    pub(crate) work: ConstraintWork,
     /// Unknowns of the constraint, the start of the next solution.
     pub(crate) jump: Vec<f64>,
     pub(crate) dt: f64,
@@ -111,17 +134,20 @@ impl Flow {
     pub fn on_ranks(grid: Grid, settings: Settings, ranks: Rc<dyn Ranks>) -> Result<Self, TooManyRanks> {
         let slabs = Slabs::new(ranks, &grid)?;
         let velocity = grid.uniform(settings.far);
-        let zero = grid.uniform(Vector3::zeros());
         let [nx, ny, _] = grid.cells();
         Ok(Self {
             poisson: Poisson::new(&grid, &slabs),
             below: vec![0.0; nx * ny],
             slabs,
-            rates: [zero.clone(), zero.clone()],
+            before: grid.uniform(Vector3::zeros()),
             previous_dt: None,
-            predicted: velocity.clone(),
-            projected: velocity.clone(),
-            impulse: zero,
+            rates: Velocity::default(),
+            predicted: Velocity::default(),
+            at_walls: Vec::new(),
+            has_predicted_pressure: false,
+            kept: None,
+            spare: Vec::new(),
+            work: ConstraintWork::default(),
             pressure: vec![0.0; grid.count()],
             jump: Vec::new(),
             dt: 0.0,
@@ -138,7 +164,7 @@ impl Flow {
 
     /// Completes velocity, rates and pressure on every rank.
     pub fn gather(&mut self) {
-        for values in self.velocity.iter_mut().chain(&mut self.rates[1]) {
+        for values in self.velocity.iter_mut().chain(&mut self.before) {
             self.slabs.gather(values);
         }
         let [nx, ny, _] = self.grid.cells();
@@ -181,78 +207,195 @@ impl Flow {
         let viscosity = self.settings.momentum.viscosity;
         let planes = self.slabs.own();
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
+        let mut rates = self.array_or(|flow| &mut flow.rates);
         let momentum = &self.settings.momentum;
-        momentum.rates(&self.grid, &self.velocity, frame, planes, &mut self.rates[0]);
-        edges.add_rates(momentum, &self.grid, &self.velocity, frame, &own, &mut self.rates[0]);
+        momentum.rates(&self.grid, &self.velocity, frame, planes, &mut rates);
+        edges.add_rates(momentum, &self.grid, &self.velocity, frame, &own, &mut rates);
         if let Some(friction) = &friction {
-            friction.interrupt_fluxes(viscosity, &self.velocity, &own, &mut self.rates[0]);
+            friction.interrupt_fluxes(viscosity, &self.velocity, &own, &mut rates);
         }
-        let back = self.previous_dt.map_or(0.0, |previous| 0.5 * dt / previous);
-        for c in 0..3 {
-            let [now, before] = [0, 1].map(|i| &self.rates[i][c][own.clone()]);
+        self.rates = rates;
+        self.dt = dt;
+        if self.kept.is_some() {
+            // The start of a later step is not returned to.
+            self.extrapolate_in_place(&own);
+        } else {
+            self.extrapolate(&own);
+        }
+        self.at_walls.clear();
+        if let Some(friction) = friction {
+            friction.apply(self.settings.density, viscosity, dt, &own, &mut self.predicted);
+            let changed = friction.values(&own).map(|(c, at)| (c, at, self.predicted[c as usize][at]));
+            self.at_walls.extend(changed);
+        }
+        self.close_prediction();
+        let mut predicted = std::mem::take(&mut self.predicted);
+        self.solve_pressure(&predicted);
+        std::mem::swap(&mut self.predicted, &mut predicted);
+        self.has_predicted_pressure = true;
+    }
+
+    /// Takes an array of the flow, or another one where it is empty.
+    fn array_or(&mut self, of: impl Fn(&mut Self) -> &mut Velocity) -> Velocity {
+        let own = std::mem::take(of(self));
+        if own[0].is_empty() {
+            self.spare.pop().unwrap_or_else(|| self.grid.uniform(Vector3::zeros()))
+        } else {
+            own
+        }
+    }
+
+    /// Keeps an array for later use.
+    fn recycle(&mut self, array: Velocity) {
+        if !array[0].is_empty() {
+            self.spare.push(array);
+        }
+    }
+
+    /// Frees the arrays that no accepted step needs; the next prediction allocates them again.
+    pub fn release_arrays(&mut self) {
+        self.release_kept();
+        self.spare = Vec::new();
+        (self.rates, self.predicted) = Default::default();
+    }
+
+    /// Share of the rates of the step before in those of the middle of this one, negative.
+    fn share_before(&self) -> f64 {
+        self.previous_dt.map_or(0.0, |previous| 0.5 * self.dt / previous)
+    }
+
+    /// The predicted velocity at the positions `own` from velocity and rates.
+    fn extrapolate(&mut self, own: &Range<usize>) {
+        let mut predicted = self.array_or(|flow| &mut flow.predicted);
+        let (dt, back) = (self.dt, self.share_before());
+        for (c, predicted) in predicted.iter_mut().enumerate() {
+            let [now, before] = [&self.rates, &self.before].map(|rates| &rates[c][own.clone()]);
             let velocity = &self.velocity[c][own.clone()];
-            for (i, u) in self.predicted[c][own.clone()].iter_mut().enumerate() {
+            for (i, u) in predicted[own.clone()].iter_mut().enumerate() {
                 *u = velocity[i] + dt * ((1.0 + back) * now[i] - back * before[i]);
             }
         }
-        if let Some(friction) = friction {
-            friction.apply(self.settings.density, viscosity, dt, &own, &mut self.predicted);
-        }
-        self.dt = dt;
-        self.project_prediction();
+        self.predicted = predicted;
     }
 
-    /// What [`Self::predict`] found, for [`Self::repeat`].
-    pub fn prediction(&self) -> Prediction {
-        Prediction {
-            predicted: self.predicted.clone(),
-            projected: self.projected.clone(),
-            rates: self.rates[0].clone(),
-            dt: self.dt,
-        }
-    }
-
-    /// Returns to a prediction after steps that followed it: constraints and [`Self::accept`] come next.
-    pub fn repeat(&mut self, step: &Prediction) {
-        let of = |own: &mut Velocity, kept: &Velocity| {
-            own.iter_mut().zip(kept).for_each(|(own, kept)| own.copy_from_slice(kept));
+    /// [`Self::extrapolate`] in the array of the velocity, which is empty afterwards.
+    fn extrapolate_in_place(&mut self, own: &Range<usize>) {
+        assert!(!self.velocity[0].is_empty(), "a step after one that is kept is predicted once");
+        let mut predicted = std::mem::take(&mut self.velocity);
+        let (dt, back) = (self.dt, self.share_before());
+        let before = match &self.kept {
+            Some(kept) if self.before[0].is_empty() => &kept.rates,
+            _ => &self.before,
         };
-        of(&mut self.predicted, &step.predicted);
-        of(&mut self.projected, &step.projected);
-        of(&mut self.rates[0], &step.rates);
-        self.dt = step.dt;
+        for (c, predicted) in predicted.iter_mut().enumerate() {
+            let [now, before] = [&self.rates, before].map(|rates| &rates[c][own.clone()]);
+            for (i, u) in predicted[own.clone()].iter_mut().enumerate() {
+                *u += dt * ((1.0 + back) * now[i] - back * before[i]);
+            }
+        }
+        let unused = std::mem::replace(&mut self.predicted, predicted);
+        self.recycle(unused);
     }
 
-    /// The predicted velocity without divergence, and without the surface.
-    fn project_prediction(&mut self) {
+    /// Returns to the prediction of the step that was kept, after it and others were accepted: solutions of its constraints by
+    /// [`Self::solve_constraints_from`] come next.
+    ///
+    /// # Panics
+    /// No step was kept.
+    pub fn return_to_prediction(&mut self) {
+        let kept = self.kept.take().expect("a step that is kept");
+        (self.dt, self.at_walls) = (kept.dt, kept.at_walls);
+        let rates = std::mem::replace(&mut self.rates, kept.rates);
+        self.recycle(rates);
+        self.restart_from(kept.velocity, kept.before, kept.previous_dt);
+        let planes = self.slabs.own();
+        let own = self.slabs.positions(planes.start as isize..planes.end as isize);
+        self.extrapolate(&own);
+        for (c, at, value) in &self.at_walls {
+            self.predicted[*c as usize][*at] = *value;
+        }
+        self.close_prediction();
+        self.has_predicted_pressure = false;
+    }
+
+    /// Returns to the start of the step that was kept; without one nothing changes.
+    pub fn return_to_start(&mut self) {
+        if let Some(kept) = self.kept.take() {
+            self.recycle(kept.rates);
+            self.restart_from(kept.velocity, kept.before, kept.previous_dt);
+        }
+    }
+
+    fn restart_from(&mut self, velocity: Velocity, before: Velocity, previous_dt: Option<f64>) {
+        self.previous_dt = previous_dt;
+        let velocity = std::mem::replace(&mut self.velocity, velocity);
+        let before = std::mem::replace(&mut self.before, before);
+        self.recycle(velocity);
+        self.recycle(before);
+    }
+
+    /// Ends the possibility to return to the step that was kept.
+    pub fn release_kept(&mut self) {
+        let Some(kept) = self.kept.take() else { return };
+        if self.before[0].is_empty() {
+            self.before = kept.rates;
+        } else {
+            self.recycle(kept.rates);
+        }
+        self.recycle(kept.velocity);
+        self.recycle(kept.before);
+    }
+
+    /// Fills the ghosts of the predicted velocity.
+    fn close_prediction(&mut self) {
         self.grid.fill_ghosts(&mut self.predicted, self.settings.far, &self.slabs);
         self.grid.copy_to_outflow(&mut self.predicted, &self.slabs);
         self.slabs.close(&mut self.predicted);
-        let set = self.slabs.set_planes();
-        let closed = set.end.max(self.slabs.own().end as isize + 1);
-        let copied = self.slabs.positions(set.start..closed);
-        for c in 0..3 {
-            self.projected[c][copied.clone()].copy_from_slice(&self.predicted[c][copied.clone()]);
-        }
-        let mut projected = std::mem::take(&mut self.projected);
-        self.remove_divergence(&mut projected);
-        self.projected = projected;
     }
 
-    /// Removes the divergence of `u` in the own cells; their pressure over density times the step remains.
-    fn remove_divergence(&mut self, u: &mut Velocity) {
+    /// The pressure that removes the divergence of `u` in the own cells, over density and times the step.
+    fn solve_pressure(&mut self, u: &Velocity) {
         let Self { grid, slabs, poisson, pressure, below, .. } = self;
         let part = Part::slab(grid, slabs);
         let own = part.own();
         let pressure = &mut pressure[own.start * part.plane()..own.end * part.plane()];
-        divergence(grid, u, &part.cells(), pressure);
+        divergence(grid, &grid.layout(), u, &part.cells(), pressure);
         poisson.solve(pressure, slabs);
         part.plane_below(slabs, pressure, below);
-        part.subtract_gradient(grid, pressure, below, u);
+    }
+
+    /// Removes the divergence of `u` in the own cells; its pressure remains.
+    fn remove_divergence(&mut self, u: &mut Velocity) {
+        self.solve_pressure(u);
+        let part = Part::slab(&self.grid, &self.slabs);
+        let own = part.own();
+        let pressure = &self.pressure[own.start * part.plane()..own.end * part.plane()];
+        part.subtract_gradient(&self.grid, pressure, &self.below, u);
     }
 
     /// Ends the step with the pressure jumps of the constraints.
     pub fn accept(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
+        let arrays = self.end_step(rows, jumps);
+        arrays.into_iter().for_each(|array| self.recycle(array));
+    }
+
+    /// As [`Self::accept`], of a step to which the flow may return: until [`Self::release_kept`] later steps have no own array for the velocity at
+    /// their start.
+    pub fn accept_and_keep(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
+        let previous_dt = self.previous_dt;
+        let [velocity, before] = self.end_step(rows, jumps);
+        self.kept = Some(KeptStep {
+            velocity,
+            before,
+            rates: std::mem::take(&mut self.before),
+            at_walls: std::mem::take(&mut self.at_walls),
+            previous_dt,
+            dt: self.dt,
+        });
+    }
+
+    /// Ends the step; returns velocity and rates of the step before.
+    fn end_step(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) -> [Velocity; 2] {
         let volume: f64 = self.grid.axes.iter().map(|a| a.spacing).product();
         let factor = -self.dt / self.settings.density / volume;
         for (row, jump) in jumps.jump.iter().enumerate() {
@@ -260,10 +403,12 @@ impl Flow {
         }
         let mut velocity = std::mem::take(&mut self.predicted);
         self.remove_divergence(&mut velocity);
-        self.predicted = std::mem::replace(&mut self.velocity, velocity);
+        self.has_predicted_pressure = false;
+        let velocity = std::mem::replace(&mut self.velocity, velocity);
         self.fill_ghosts();
-        self.rates.swap(0, 1);
         self.previous_dt = Some(self.dt);
+        let rates = std::mem::take(&mut self.rates);
+        [velocity, std::mem::replace(&mut self.before, rates)]
     }
 
     /// Least and largest pressure of the last accepted step, Pa; zero in the far field.
@@ -279,14 +424,15 @@ impl Flow {
         [-ends[0], ends[1]]
     }
 
-    /// Pressure of each cell at the last accepted step, Pa, x fastest. After another solution of the constraints it is undefined. On several ranks
-    /// after [`Self::gather`].
+    /// Pressure of each cell at the last accepted step, Pa, x fastest. After another prediction it is undefined. On several ranks after
+    /// [`Self::gather`].
     pub fn pressures(&self) -> impl Iterator<Item = f64> {
         let scale = if self.dt > 0.0 { self.settings.density / self.dt } else { 0.0 };
         self.pressure.iter().map(move |p| scale * p)
     }
 
-    fn cell_velocity(&self, cell: [usize; 3]) -> Vector3<f64> {
+    /// Velocity at the centre of a cell, m/s. On several ranks after [`Self::gather`].
+    pub fn cell_velocity(&self, cell: [usize; 3]) -> Vector3<f64> {
         let at = self.grid.at(cell.map(|i| i as isize));
         let mean =
             |c: usize, _: usize| 0.5 * (self.velocity[c][at] + self.velocity[c][at + self.grid.strides[c]]);
@@ -326,11 +472,16 @@ impl Flow {
         self.largest(|cell| (self.cell_velocity(cell) - frame).norm())
     }
 
+    /// Rates of the last accepted step, m/s2, and its length, s; on several ranks complete after [`Self::gather`].
+    pub fn last_step(&self) -> (&Velocity, Option<f64>) {
+        (&self.before, self.previous_dt)
+    }
+
     /// What later steps depend on; on several ranks complete after [`Self::gather`].
     pub fn state(&self) -> FlowState {
         FlowState {
             velocity: self.velocity.clone(),
-            rates: self.rates[1].clone(),
+            rates: self.before.clone(),
             previous_dt: self.previous_dt,
             jump: self.jump.clone(),
         }
@@ -344,7 +495,8 @@ impl Flow {
             return None;
         }
         self.velocity = state.velocity;
-        self.rates[1] = state.rates;
+        self.before = state.rates;
+        self.kept = None;
         (self.previous_dt, self.jump) = (state.previous_dt, state.jump);
         Some(())
     }
@@ -354,7 +506,7 @@ impl Flow {
         let part = Part::slab(&self.grid, &self.slabs);
         let (cells, own) = (part.cells(), part.own());
         let mut sums = vec![0.0; part.plane() * own.len()];
-        divergence(&self.grid, &self.velocity, &cells, &mut sums);
+        divergence(&self.grid, &self.grid.layout(), &self.velocity, &cells, &mut sums);
         let [nx, ny, _] = self.grid.cells();
         self.largest(|cell| {
             let w = [0, 1, 2].map(|d| self.grid.axes[d].widths[cell[d]]);

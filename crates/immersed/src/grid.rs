@@ -44,6 +44,37 @@ pub struct Grid {
     pub strides: [usize; 3],
 }
 
+/// Where cells are in an array.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Layout {
+    /// Cell at the first position.
+    first: [isize; 3],
+    /// Distance of neighbours along an axis.
+    pub(crate) strides: [usize; 3],
+}
+
+impl Layout {
+    /// Position of a cell.
+    #[inline(always)]
+    pub(crate) fn at(&self, cell: [isize; 3]) -> usize {
+        (0..3).map(|d| (cell[d] - self.first[d]) as usize * self.strides[d]).sum()
+    }
+
+    /// Cell at a position.
+    pub(crate) fn cell(&self, at: usize) -> [isize; 3] {
+        let [_, y, z] = self.strides;
+        let of = |d: usize, index: usize| self.first[d] + index as isize;
+        [of(0, at % y), of(1, at % z / y), of(2, at / z)]
+    }
+
+    /// Of arrays for the faces of a box of cells alone, and their length.
+    pub(crate) fn of_box(cells: &[Range<usize>; 3]) -> (Self, usize) {
+        let [x, y, z] = [0, 1, 2].map(|d| cells[d].len() + 1);
+        let first = [0, 1, 2].map(|d| cells[d].start as isize);
+        (Self { first, strides: [1, x, x * y] }, x * y * z)
+    }
+}
+
 /// Three staggered components.
 pub type Velocity = [Vec<f64>; 3];
 
@@ -74,6 +105,11 @@ impl Grid {
     pub fn at(&self, cell: [isize; 3]) -> usize {
         let g = GHOSTS as isize;
         (0..3).map(|d| (cell[d] + g) as usize * self.strides[d]).sum()
+    }
+
+    /// Layout of the arrays with ghosts.
+    pub(crate) fn layout(&self) -> Layout {
+        Layout { first: [-(GHOSTS as isize); 3], strides: self.strides }
     }
 
     /// A velocity that is the same everywhere.

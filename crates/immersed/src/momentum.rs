@@ -90,6 +90,11 @@ impl Momentum {
         let length = planes.len() * grid.strides[2];
         for (c, rates) in rates.iter_mut().enumerate() {
             rates[array..array + length].fill(0.0);
+            // The ghosts at the ends, which no rank computes, are saved.
+            let ghosts = GHOSTS * grid.strides[2];
+            let top = rates.len() - ghosts;
+            rates[..ghosts].fill(0.0);
+            rates[top..].fill(0.0);
             for d in 0..3 {
                 let line = Line::new(grid, c, d);
                 let pass = Pass { grid, momentum: self, c, d, frame: frame[d], line, planes: planes.clone() };

@@ -38,8 +38,12 @@ pub struct Poisson {
     own_modes: Range<usize>,
     /// Inverse pivots of the elimination from below, for each cell along z and own pair of modes.
     pivots: Vec<f64>,
-    /// Planes of modes in x, planes of modes in x and y, and lines of own modes along z.
-    work: [Vec<f64>; 3],
+    /// A plane of modes in x, and planes of modes in x and y of a box.
+    plane: Vec<f64>,
+    planes: Vec<f64>,
+    /// What ranks exchange: own planes, one rank after the other, and lines of own modes along z; empty on one rank.
+    packed: Vec<f64>,
+    lines: Vec<f64>,
 }
 
 /// Differences of one axis: diagonal and coupling of cells i - 1 and i (that of the ends of a periodic axis last).
@@ -118,10 +122,9 @@ impl Poisson {
             }
         }
         let planes = (0..slabs.ranks().size()).map(|r| share(n[2], r, slabs.ranks().size()).len()).max();
-        let most = plane * planes.unwrap_or(0);
         // A single rank solves along z where its modes are.
-        let lines = if slabs.alone() { 0 } else { own * n[2] };
-        let work = [vec![0.0; most], vec![0.0; most], vec![0.0; lines]];
+        let shared = if slabs.alone() { [0; 2] } else { [plane * planes.unwrap_or(0), own * n[2]] };
+        let [packed, lines] = shared.map(|length| vec![0.0; length]);
         Self {
             n,
             modes: [vx, vy],
@@ -130,7 +133,10 @@ impl Poisson {
             diagonal: [kz, mz],
             own_modes,
             pivots,
-            work,
+            plane: vec![0.0; plane],
+            planes: Vec::new(),
+            packed,
+            lines,
         }
     }
 
@@ -140,12 +146,13 @@ impl Poisson {
         self.solve_in(p, &all, &[], slabs);
     }
 
-    /// Inverse pivots of the last cell of `range` along z, with all cells above it eliminated, for the own modes; for [`Self::solve_in`].
-    pub fn closure(&self, range: &Range<usize>) -> Vec<f64> {
+    /// Inverse pivots of the last cell of `range` along z, with all cells above it eliminated, for the own modes, to `closure`; for
+    /// [`Self::solve_in`].
+    pub fn closure(&self, range: &Range<usize>, closure: &mut Vec<f64>) {
         let n = self.n[2];
         let [kz, mz] = &self.diagonal;
         let own = self.own_modes.len();
-        let mut closure = vec![0.0; own];
+        closure.resize(own, 0.0);
         for (m, mode) in self.own_modes.clone().enumerate() {
             let lambda = self.eigenvalues[0][mode % self.n[0]] + self.eigenvalues[1][mode / self.n[0]];
             let mut above = 0.0;
@@ -157,7 +164,6 @@ impl Poisson {
             let inverse = if pivot > 0.0 { 1.0 / pivot - above } else { 0.0 };
             closure[m] = if inverse > 0.0 { 1.0 / inverse } else { 0.0 };
         }
-        closure
     }
 
     /// Solves in place for a source that vanishes outside `cells`, in these cells only; `closure` is that of their range along z,
@@ -167,39 +173,42 @@ impl Poisson {
         let [nx, ny, _] = self.n;
         let planes = slabs.share(bz).len();
         assert_eq!(p.len(), bx * by * planes);
-        let [first, second, lines] = &mut self.work;
         let vx = MatRef::from_column_major_slice(&self.modes[0], nx, nx).subrows(cells[0].start, bx);
         let vy = MatRef::from_column_major_slice(&self.modes[1], ny, ny).subrows(cells[1].start, by);
-        let of_x = &mut first[..nx * by * planes];
-        let source = MatRef::from_column_major_slice(p, bx, by * planes);
-        let out = MatMut::from_column_major_slice_mut(of_x, nx, by * planes);
-        matmul(out, Accum::Replace, vx.transpose(), source, 1.0, Par::Seq);
-        for k in 0..planes {
-            let out = MatMut::from_column_major_slice_mut(&mut second[k * nx * ny..][..nx * ny], nx, ny);
-            let rows = MatRef::from_column_major_slice(&of_x[k * nx * by..][..nx * by], nx, by);
-            matmul(out, Accum::Replace, rows, vy, 1.0, Par::Seq);
+        let of_x = &mut self.plane[..nx * by];
+        // Where the box has all cells of a plane, modes take the place of values.
+        let (apart, all) = (bx < nx || by < ny, nx * ny * planes);
+        if apart && self.planes.len() < all {
+            self.planes.resize(all, 0.0);
         }
-        let modes = &mut second[..nx * ny * planes];
+        for k in 0..planes {
+            let source = MatRef::from_column_major_slice(&p[k * bx * by..][..bx * by], bx, by);
+            let out = MatMut::from_column_major_slice_mut(of_x, nx, by);
+            matmul(out, Accum::Replace, vx.transpose(), source, 1.0, Par::Seq);
+            let modes = if apart { &mut self.planes[..] } else { &mut *p };
+            let out = MatMut::from_column_major_slice_mut(&mut modes[k * nx * ny..][..nx * ny], nx, ny);
+            matmul(out, Accum::Replace, MatRef::from_column_major_slice(of_x, nx, by), vy, 1.0, Par::Seq);
+        }
+        let modes = if apart { &mut self.planes[..all] } else { &mut *p };
         let own = self.own_modes.len();
         let along = AlongZ { own, pivots: &self.pivots, coupling: &self.coupling, range: &cells[2], closure };
         if slabs.alone() {
             along.solve(modes);
         } else {
-            let lines = &mut lines[..own * bz];
+            let (lines, packed) = (&mut self.lines[..own * bz], &mut self.packed[..all]);
             let exchange = Exchange::new(slabs, nx * ny, bz);
-            exchange.to_lines(modes, &mut first[..nx * ny * planes], lines);
+            exchange.to_lines(modes, packed, lines);
             along.solve(lines);
-            exchange.to_planes(lines, &mut first[..nx * ny * planes], modes);
+            exchange.to_planes(lines, packed, modes);
         }
-        let of_x = &mut first[..nx * by * planes];
         for k in 0..planes {
-            let out = MatMut::from_column_major_slice_mut(&mut of_x[k * nx * by..][..nx * by], nx, by);
-            let modes = MatRef::from_column_major_slice(&second[k * nx * ny..][..nx * ny], nx, ny);
+            let modes = if apart { &self.planes[..] } else { &*p };
+            let modes = MatRef::from_column_major_slice(&modes[k * nx * ny..][..nx * ny], nx, ny);
+            let out = MatMut::from_column_major_slice_mut(of_x, nx, by);
             matmul(out, Accum::Replace, modes, vy.transpose(), 1.0, Par::Seq);
+            let result = MatMut::from_column_major_slice_mut(&mut p[k * bx * by..][..bx * by], bx, by);
+            matmul(result, Accum::Replace, vx, MatRef::from_column_major_slice(of_x, nx, by), 1.0, Par::Seq);
         }
-        let result = MatMut::from_column_major_slice_mut(p, bx, by * planes);
-        let rows = MatRef::from_column_major_slice(of_x, nx, by * planes);
-        matmul(result, Accum::Replace, vx, rows, 1.0, Par::Seq);
     }
 }
 
@@ -387,7 +396,8 @@ mod tests {
             whole[place(m)] = *value;
         }
         poisson.solve(&mut whole, &slabs);
-        let closure = poisson.closure(&cells[2]);
+        let mut closure = Vec::new();
+        poisson.closure(&cells[2], &mut closure);
         poisson.solve_in(&mut inside, &cells, &closure, &slabs);
         for (m, value) in inside.iter().enumerate() {
             assert!((value - whole[place(m)]).abs() < 1e-12, "{m}");

@@ -1,9 +1,8 @@
 //! The system of the pressure jumps.
 
 use crate::constraints::{FluxConstraints, OwnFaces};
-use crate::flow::{Flow, PressureJumps};
-use crate::grid::Grid;
-use crate::poisson::Box3;
+use crate::flow::{Flow, PredictedFluxes, PressureJumps};
+use crate::grid::{Layout, Velocity};
 use crate::projection::{Part, divergence};
 
 /// Limit of iterations.
@@ -12,24 +11,73 @@ const MAX_ITERATIONS: usize = 500;
 /// Velocity relative to the largest one at a cut face below which a residual is round-off.
 const ROUND_OFF: f64 = 1e-13;
 
+/// Arrays of the solutions, which all steps use.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ConstraintWork {
+    /// The faces of the rows in the own planes of the grid, and in those of the box around the surface.
+    in_slab: OwnFaces,
+    in_box: OwnFaces,
+    /// Positions of all faces of the rows in the box.
+    positions: Vec<usize>,
+    /// Velocity change by the jumps at the faces of the box; zero between two uses.
+    impulse: Velocity,
+    /// Pressures of the own cells of the box, and of the plane below.
+    pressure: Vec<f64>,
+    below: Vec<f64>,
+    /// Pivots of the pressure equation above the box.
+    closure: Vec<f64>,
+    /// Velocity through the cloth over its jump, times area, and diagonal of the system.
+    leak: Vec<f64>,
+    diagonal: Vec<f64>,
+    /// Product, residual, direction.
+    vectors: [Vec<f64>; 3],
+}
+
 impl Flow {
+    /// Fluxes of the predicted velocity, without divergence, through the faces of `rows`.
+    ///
+    /// # Panics
+    /// The pressure of the prediction was overwritten since ([`Flow::return_to_prediction`]).
+    pub fn predicted_fluxes(&mut self, rows: &FluxConstraints) -> PredictedFluxes {
+        assert!(self.has_predicted_pressure, "fluxes are wanted before the step is accepted");
+        let part = Part::slab(&self.grid, &self.slabs);
+        let own = part.own();
+        let (mut fluxes, mut speeds) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
+        let faces = &mut self.work.in_slab;
+        faces.set(rows, &self.grid, &part, &self.grid.layout());
+        let pressure = &self.pressure[own.start * part.plane()..own.end * part.plane()];
+        faces.fluxes(&self.predicted, [pressure, &self.below], &mut fluxes);
+        faces.largest_speeds(&self.predicted, [pressure, &self.below], &mut speeds);
+        self.slabs.ranks().sum(&mut fluxes);
+        self.slabs.ranks().largest(&mut speeds);
+        PredictedFluxes { fluxes, speeds }
+    }
+
     /// Multipliers of the constraints at the end of the step: pressure jumps, Pa. May be repeated.
     pub fn solve_constraints(&mut self, rows: &FluxConstraints) -> PressureJumps {
+        let predicted = self.predicted_fluxes(rows);
+        self.solve_constraints_from(rows, &predicted)
+    }
+
+    /// [`Self::solve_constraints`] with the fluxes of the predicted velocity.
+    pub fn solve_constraints_from(
+        &mut self,
+        rows: &FluxConstraints,
+        predicted: &PredictedFluxes,
+    ) -> PressureJumps {
         if rows.is_empty() {
             return PressureJumps::default();
         }
-        let faces = OwnFaces::new(rows, &self.slabs, self.slabs.own());
-        let (mut residual, mut speeds) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
-        faces.fluxes(&self.projected, &mut residual);
-        faces.largest_speeds(&self.projected, &mut speeds);
-        self.slabs.ranks().sum(&mut residual);
-        self.slabs.ranks().largest(&mut speeds);
-        residual.iter_mut().zip(&rows.target).for_each(|(flux, target)| *flux -= target);
+        let excess = predicted.fluxes.iter().zip(&rows.target).map(|(flux, target)| flux - target);
+        let excess: Vec<f64> = excess.collect();
         if self.jump.len() != rows.len() {
             self.jump = vec![0.0; rows.len()];
         }
         let mut jump = std::mem::take(&mut self.jump);
-        let (iterations, residual) = Constraint::new(self, rows).solve(&residual, &speeds, &mut jump);
+        let work = std::mem::take(&mut self.work);
+        let mut constraint = Constraint::new(self, rows, work);
+        let (iterations, residual) = constraint.solve(&excess, &predicted.speeds, &mut jump);
+        self.work = constraint.work;
         self.jump.clone_from(&jump);
         PressureJumps { jump, iterations, residual }
     }
@@ -72,102 +120,110 @@ fn airtight_leak(rows: &FluxConstraints, row: usize, factor: f64) -> f64 {
 struct Constraint<'a> {
     flow: &'a mut Flow,
     rows: &'a FluxConstraints,
-    /// Planes of the box around the surface that this rank computes, and the faces of the rows in them.
+    /// Planes of the box around the surface that this rank computes.
     part: Part,
-    faces: OwnFaces,
-    closure: Vec<f64>,
-    /// Velocity through the cloth over its jump, times area.
-    leak: Vec<f64>,
-    diagonal: Vec<f64>,
+    /// Layout of the faces of the box.
+    layout: Layout,
+    work: ConstraintWork,
     factor: f64,
 }
 
 impl<'a> Constraint<'a> {
-    fn new(flow: &'a mut Flow, rows: &'a FluxConstraints) -> Self {
-        let closure = flow.poisson.closure(&rows.cells[2]);
+    fn new(flow: &'a mut Flow, rows: &'a FluxConstraints, mut work: ConstraintWork) -> Self {
+        flow.poisson.closure(&rows.cells[2], &mut work.closure);
         let part = Part::share(&rows.cells, &flow.slabs);
-        let faces = OwnFaces::new(rows, &flow.slabs, part.own());
+        let (layout, length) = Layout::of_box(&rows.cells);
         let factor = flow.factor();
-        let leak = (0..rows.len())
-            .map(|r| rows.permeability[r] + airtight_leak(rows, r, factor))
-            .collect::<Vec<_>>();
-        let diagonal = (0..rows.len()).map(|r| own_response(rows, r, factor) + leak[r]).collect();
-        Self { flow, rows, part, faces, closure, leak, diagonal, factor }
+        work.leak.clear();
+        work.leak.extend((0..rows.len()).map(|r| rows.permeability[r] + airtight_leak(rows, r, factor)));
+        work.diagonal.clear();
+        work.diagonal
+            .extend(work.leak.iter().enumerate().map(|(r, leak)| own_response(rows, r, factor) + leak));
+        work.in_box.set(rows, &flow.grid, &part, &layout);
+        let of_grid = flow.grid.layout();
+        work.positions.clear();
+        work.positions.extend(rows.faces.iter().map(|(_, at)| layout.at(of_grid.cell(*at))));
+        for values in &mut work.impulse {
+            // What was not zero lies elsewhere in another box.
+            values.resize(length.max(values.len()), 0.0);
+        }
+        work.pressure.resize(part.plane() * part.own().len(), 0.0);
+        work.below.resize(part.plane(), 0.0);
+        Self { flow, rows, part, layout, work, factor }
     }
 
     /// Fluxes through the surface that the jumps `x` cause.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        let Flow { grid, slabs, poisson, impulse, pressure, below, .. } = &mut *self.flow;
-        let cells = &self.rows.cells;
-        for values in impulse.iter_mut() {
-            clear(grid, cells, values);
-        }
+        let Flow { grid, slabs, poisson, .. } = &mut *self.flow;
+        let ConstraintWork { in_box, positions, impulse, pressure, below, closure, leak, .. } =
+            &mut self.work;
+        let Self { rows, part, .. } = self;
+        let entries = |row: usize| rows.offsets[row]..rows.offsets[row + 1];
         for (row, value) in x.iter().enumerate() {
-            self.rows.spread(impulse, row, self.factor * value);
+            let value = self.factor * value;
+            for e in entries(row) {
+                impulse[rows.faces[e].0 as usize][positions[e]] += rows.weights[e] * value;
+            }
         }
-        let own = self.part.cells();
-        let sums = &mut pressure[..self.part.plane() * own[2].len()];
-        divergence(grid, impulse, &own, sums);
-        poisson.solve_in(sums, cells, &self.closure, slabs);
-        self.part.plane_below(slabs, sums, below);
-        self.part.subtract_gradient(grid, sums, below, impulse);
-        self.faces.fluxes(impulse, y);
+        divergence(grid, &self.layout, impulse, &part.cells(), pressure);
+        poisson.solve_in(pressure, &rows.cells, closure, slabs);
+        part.plane_below(slabs, pressure, below);
+        in_box.fluxes(impulse, [pressure, below], y);
         slabs.ranks().sum(y);
-        for ((y, leak), x) in y.iter_mut().zip(&self.leak).zip(x) {
-            *y += leak * x;
+        for ((y, leak), x) in y.iter_mut().zip(leak).zip(x) {
+            *y += *leak * x;
+        }
+        for ((c, _), at) in rows.faces.iter().zip(positions) {
+            impulse[*c as usize][*at] = 0.0;
         }
     }
 
     /// Conjugate gradients from `x`; iterations and relative residual. `speeds`: largest one at the faces of each row, m/s, for the residual that is
     /// round-off.
     fn solve(&mut self, b: &[f64], speeds: &[f64], x: &mut [f64]) -> (usize, f64) {
-        let n = b.len();
-        let scale = |r: &[f64], d: &[f64]| -> f64 { r.iter().zip(d).map(|(r, d)| r * r / d).sum() };
-        let first = scale(b, &self.diagonal);
-        let round_off = self.round_off(speeds);
+        let [mut q, mut r, mut d] = std::mem::take(&mut self.work.vectors);
+        let diagonal = std::mem::take(&mut self.work.diagonal);
+        let scale = |r: &[f64]| -> f64 { r.iter().zip(&diagonal).map(|(r, d)| r * r / d).sum() };
+        let first = scale(b);
+        let round_off = self.round_off(speeds, &diagonal);
         let target = (self.flow.settings.tolerance.powi(2) * first).max(round_off);
-        let (mut q, mut r) = (vec![0.0; n], b.to_vec());
+        q.resize(b.len(), 0.0);
+        r.clear();
+        r.extend_from_slice(b);
         if x.iter().any(|x| *x != 0.0) {
             self.apply(x, &mut q);
             r.iter_mut().zip(&q).for_each(|(r, q)| *r -= q);
         }
-        let mut rho = scale(&r, &self.diagonal);
-        let mut d: Vec<f64> = r.iter().zip(&self.diagonal).map(|(r, m)| r / m).collect();
+        let mut rho = scale(&r);
+        d.clear();
+        d.extend(r.iter().zip(&diagonal).map(|(r, m)| r / m));
         let mut iterations = 0;
         while rho > target && rho > 0.0 && iterations < MAX_ITERATIONS {
             self.apply(&d, &mut q);
             let alpha = rho / d.iter().zip(&q).map(|(d, q)| d * q).sum::<f64>();
-            for i in 0..n {
+            for i in 0..b.len() {
                 x[i] += alpha * d[i];
                 r[i] -= alpha * q[i];
             }
             let before = rho;
-            rho = scale(&r, &self.diagonal);
+            rho = scale(&r);
             let beta = rho / before;
-            for i in 0..n {
-                d[i] = r[i] / self.diagonal[i] + beta * d[i];
+            for i in 0..b.len() {
+                d[i] = r[i] / diagonal[i] + beta * d[i];
             }
             iterations += 1;
         }
+        self.work.vectors = [q, r, d];
+        self.work.diagonal = diagonal;
         (iterations, if first > round_off { (rho / first).sqrt() } else { 0.0 })
     }
 
     /// Square of the norm of residuals that are round-off.
-    fn round_off(&self, speeds: &[f64]) -> f64 {
+    fn round_off(&self, speeds: &[f64], diagonal: &[f64]) -> f64 {
         let of_row = |(r, speed): (usize, &f64)| {
             let weights: f64 = self.rows.square(r).sqrt();
-            (ROUND_OFF * speed * weights).powi(2) / self.diagonal[r]
+            (ROUND_OFF * speed * weights).powi(2) / diagonal[r]
         };
         speeds.iter().enumerate().map(of_row).sum()
-    }
-}
-
-/// Sets the faces of a box of cells to zero.
-fn clear(grid: &Grid, cells: &Box3, values: &mut [f64]) {
-    for k in cells[2].start..=cells[2].end {
-        for j in cells[1].start..=cells[1].end {
-            let start = grid.at([cells[0].start as isize, j as isize, k as isize]);
-            values[start..=start + cells[0].len()].fill(0.0);
-        }
     }
 }

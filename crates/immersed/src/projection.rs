@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::grid::{Ends, Grid, Velocity};
+use crate::grid::{Ends, Grid, Layout, Velocity};
 use crate::poisson::Box3;
 use crate::slabs::Slabs;
 
@@ -15,14 +15,14 @@ pub(crate) fn cells_of(cells: &Box3) -> impl Iterator<Item = [usize; 3]> {
     })
 }
 
-/// Fluxes of `u` out of the cells of a box, negative, m3/s.
-pub(crate) fn divergence(grid: &Grid, u: &Velocity, cells: &Box3, out: &mut [f64]) {
+/// Fluxes of `u`, whose arrays have this layout, out of the cells of a box, negative, m3/s.
+pub(crate) fn divergence(grid: &Grid, layout: &Layout, u: &Velocity, cells: &Box3, out: &mut [f64]) {
     let [x, y, z] = cells;
     let widths = &grid.axes[0].widths[x.clone()];
-    let [_, sy, sz] = grid.strides;
+    let [_, sy, sz] = layout.strides;
     for (k, at_z) in z.clone().enumerate() {
         for (j, at_y) in y.clone().enumerate() {
-            let start = grid.at([x.start as isize, at_y as isize, at_z as isize]);
+            let start = layout.at([x.start as isize, at_y as isize, at_z as isize]);
             let [wy, wz] = [grid.axes[1].widths[at_y], grid.axes[2].widths[at_z]];
             let row = &mut out[(k * y.len() + j) * x.len()..][..x.len()];
             let of = |c: usize, shift: usize| &u[c][start + shift..][..x.len()];
@@ -32,6 +32,25 @@ pub(crate) fn divergence(grid: &Grid, u: &Velocity, cells: &Box3, out: &mut [f64
                     + widths[i] * ((v1[i] - v0[i]) * wz + (w1[i] - w0[i]) * wy));
             }
         }
+    }
+}
+
+/// Gradient of a pressure at one face.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gradient {
+    upper: usize,
+    lower: usize,
+    /// Whether the lower pressure is in the plane below.
+    outside: bool,
+    inverse: f64,
+}
+
+impl Gradient {
+    /// Its value for the pressures `p` and those of the plane below.
+    #[inline(always)]
+    pub(crate) fn of(&self, p: &[f64], below: &[f64]) -> f64 {
+        let lower = if self.outside { below[self.lower] } else { p[self.lower] };
+        (p[self.upper] - lower) * self.inverse
     }
 }
 
@@ -78,6 +97,17 @@ impl Part {
             let last = p.len().saturating_sub(self.plane());
             slabs.ranks().shift(true, &p[last..], &mut below[..self.plane()]);
         }
+    }
+
+    /// The gradient of a pressure, on the own cells, at the lower face of `cell` along `c`, which lies between cells of the box: positions of the two
+    /// pressures, the lower first and in `below` where it is not in the own cells, and their inverse distance.
+    pub(crate) fn gradient(&self, grid: &Grid, c: usize, cell: [usize; 3]) -> Gradient {
+        let [nx, ny] = [self.whole[0].len(), self.whole[1].len()];
+        let [x, y] = [0, 1].map(|d| cell[d] - self.whole[d].start);
+        let upper = ((cell[2] - self.own.start) * ny + y) * nx + x;
+        let outside = c == 2 && cell[2] == self.own.start;
+        let lower = if outside { y * nx + x } else { upper - [1, nx, nx * ny][c] };
+        Gradient { upper, lower, outside, inverse: 1.0 / grid.centre_distance(c, cell[c]) }
     }
 
     /// Subtracts the gradient of `p`, on the own cells, from the faces between cells of the box and the unknown ones at the ends of the grid.

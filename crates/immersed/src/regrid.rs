@@ -50,6 +50,7 @@ impl Flow {
     /// A grid with too few cells for the ranks.
     pub fn on_grid(&mut self, grid: Grid, origin: Vector3<f64>) -> Result<Self, TooManyRanks> {
         self.gather();
+        self.release_arrays();
         let mut flow = Self::on_ranks(grid, self.settings, self.slabs().ranks().clone())?;
         for c in 0..3 {
             let lines = [0, 1, 2].map(|d| Interpolation::new(&self.grid, &flow.grid, c, d, origin[d]));

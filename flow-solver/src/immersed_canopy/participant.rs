@@ -8,7 +8,7 @@ use std::time::Instant as Clock;
 use case::{Role, Scene, StageKind, StageTimes, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
-use immersed::flow::{Flow, FlowState, Settings};
+use immersed::flow::{Flow, Settings};
 use immersed::momentum::Momentum;
 use immersed::placement::Placement;
 use immersed::slabs::{Ranks, share};
@@ -434,8 +434,9 @@ impl Participant for ImmersedParticipant {
         if !self.is_root() {
             return Ok(());
         }
-        let flow = FlowState { jump: self.last_jumps.clone(), ..self.flow.state() };
-        Saved::new(&self.flow.grid, flow, &motion).save(&case::state_file(folder, Role::Flow))
+        // The encoded state takes their place.
+        self.flow.release_arrays();
+        Saved::new(&self.flow, self.last_jumps.clone(), &motion).save(&case::state_file(folder, Role::Flow))
     }
 
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
@@ -450,6 +451,7 @@ impl Participant for ImmersedParticipant {
             frame: self.frame,
             sound: self.sound,
         };
+        self.flow.release_arrays();
         self.snapshots.write(&self.flow, &place, time, folder)
     }
 }

@@ -1,11 +1,16 @@
 //! Pictures of the flow for ParaView.
 
+use std::ops::Range;
 use std::path::Path;
 
 use channel::Fault;
 use immersed::flow::Flow;
 use mesh::vtk::{Series, Values, write_volume};
 use nalgebra::{Matrix3, Vector3};
+
+/// Cells of a file of a picture, about, and files of a picture at most: a file needs 450 bytes of memory a cell while it is written.
+const FILE_CELLS: usize = 65_536;
+const MAX_FILES: usize = 16;
 
 /// The series of one stage.
 #[derive(Default)]
@@ -37,10 +42,14 @@ impl Snapshots {
     /// # Errors
     /// The files cannot be written.
     pub fn write(&mut self, flow: &Flow, place: &Place, time: f64, folder: &Path) -> Result<(), Fault> {
-        let name = format!("flow/flow_{:05}_0.vtu", self.count);
-        piece(flow, place, &folder.join(&name))?;
+        let planes = flow.grid.cells()[2];
+        let files = flow.grid.count().div_ceil(FILE_CELLS).clamp(1, MAX_FILES.min(planes));
+        let names: Vec<String> = (0..files).map(|i| format!("flow/flow_{:05}_{i}.vtu", self.count)).collect();
+        for (i, name) in names.iter().enumerate() {
+            piece(flow, place, planes * i / files..planes * (i + 1) / files, &folder.join(name))?;
+        }
         let series = self.series.get_or_insert_with(|| Series::resume(folder.join("flow.pvd"), time));
-        series.push(time, &[name]).map_err(Fault::new)?;
+        series.push(time, &names).map_err(Fault::new)?;
         self.count += 1;
         Ok(())
     }
@@ -50,26 +59,21 @@ fn single(v: Vector3<f64>) -> [f32; 3] {
     v.map(|x| x as f32).into()
 }
 
-fn piece(flow: &Flow, place: &Place, file: &Path) -> Result<(), Fault> {
-    if let Some(parent) = file.parent() {
-        std::fs::create_dir_all(parent)
-            .map_err(|e| Fault::new(format!("cannot create {}: {e}", parent.display())))?;
-    }
+/// Nodes and cells of the cells in `planes` along z.
+fn geometry(flow: &Flow, origin: Vector3<f64>, planes: &Range<usize>) -> (Vec<[f64; 3]>, Vec<[u32; 8]>) {
     let axes = &flow.grid.axes;
-    let n = flow.grid.cells();
-    let mut nodes = Vec::with_capacity(n.iter().map(|n| n + 1).product());
-    for z in &axes[2].faces {
+    let [nx, ny, _] = flow.grid.cells();
+    let mut nodes = Vec::with_capacity((nx + 1) * (ny + 1) * (planes.len() + 1));
+    for z in &axes[2].faces[planes.start..=planes.end] {
         for y in &axes[1].faces {
-            nodes.extend(
-                axes[0].faces.iter().map(|x| <[f64; 3]>::from(Vector3::new(*x, *y, *z) + place.origin)),
-            );
+            nodes.extend(axes[0].faces.iter().map(|x| <[f64; 3]>::from(Vector3::new(*x, *y, *z) + origin)));
         }
     }
-    let node = |i: usize, j: usize, k: usize| ((k * (n[1] + 1) + j) * (n[0] + 1) + i) as u32;
-    let mut cells = Vec::with_capacity(flow.grid.count());
-    for k in 0..n[2] {
-        for j in 0..n[1] {
-            for i in 0..n[0] {
+    let node = |i: usize, j: usize, k: usize| ((k * (ny + 1) + j) * (nx + 1) + i) as u32;
+    let mut cells = Vec::with_capacity(nx * ny * planes.len());
+    for k in 0..planes.len() {
+        for j in 0..ny {
+            for i in 0..nx {
                 let ring =
                     |k: usize| [node(i, j, k), node(i + 1, j, k), node(i + 1, j + 1, k), node(i, j + 1, k)];
                 let ([a, b, c, d], [e, f, g, h]) = (ring(k), ring(k + 1));
@@ -77,16 +81,29 @@ fn piece(flow: &Flow, place: &Place, file: &Path) -> Result<(), Fault> {
             }
         }
     }
-    let velocity = flow.cell_velocities();
-    let pressure: Vec<f32> = flow.pressures().map(|p| p as f32).collect();
-    let ground: Vec<_> = velocity.iter().map(|v| single(v + place.wind)).collect();
-    let relative = |v: &Vector3<f64>| v + place.wind - place.frame;
-    let frame: Vec<_> = velocity.iter().map(|v| single(relative(v))).collect();
-    let mach: Vec<f32> = velocity.iter().map(|v| (relative(v).norm() / place.sound) as f32).collect();
-    let gradients = gradients(flow, &velocity);
-    let vorticity: Vec<_> =
-        gradients.iter().map(|g| single(Vector3::new(g.m32 - g.m23, g.m13 - g.m31, g.m21 - g.m12))).collect();
-    let q: Vec<f32> = gradients.iter().map(|g| (-0.5 * (g * g).trace()) as f32).collect();
+    (nodes, cells)
+}
+
+/// Writes the cells in `planes` along z.
+fn piece(flow: &Flow, place: &Place, planes: Range<usize>, file: &Path) -> Result<(), Fault> {
+    if let Some(parent) = file.parent() {
+        std::fs::create_dir_all(parent)
+            .map_err(|e| Fault::new(format!("cannot create {}: {e}", parent.display())))?;
+    }
+    let (nodes, cells) = geometry(flow, place.origin, &planes);
+    let [nx, ny, _] = flow.grid.cells();
+    let own = planes.start * nx * ny..planes.end * nx * ny;
+    let cell = |at: usize| [at % nx, at / nx % ny, at / (nx * ny)];
+    let pressure: Vec<f32> = flow.pressures().skip(own.start).take(own.len()).map(|p| p as f32).collect();
+    let velocities = || own.clone().map(|at| flow.cell_velocity(cell(at)));
+    let ground: Vec<_> = velocities().map(|v| single(v + place.wind)).collect();
+    let relative = |v: Vector3<f64>| v + place.wind - place.frame;
+    let frame: Vec<_> = velocities().map(|v| single(relative(v))).collect();
+    let mach: Vec<f32> = velocities().map(|v| (relative(v).norm() / place.sound) as f32).collect();
+    let gradients = || own.clone().map(|at| gradient(flow, cell(at)));
+    let curl = |g: Matrix3<f64>| single(Vector3::new(g.m32 - g.m23, g.m13 - g.m31, g.m21 - g.m12));
+    let vorticity: Vec<_> = gradients().map(curl).collect();
+    let q: Vec<f32> = gradients().map(|g| (-0.5 * (g * g).trace()) as f32).collect();
     let fields = [
         ("pressure_pa", Values::F32(&pressure)),
         ("velocity_ground_m_s", Values::Vector32(&ground)),
@@ -98,20 +115,56 @@ fn piece(flow: &Flow, place: &Place, file: &Path) -> Result<(), Fault> {
     write_volume(file, &nodes, &cells, &[], &fields).map_err(Fault::new)
 }
 
-/// Gradients of the velocity, row i that of component i, by differences of neighbouring cells, 1/s.
-fn gradients(flow: &Flow, velocity: &[Vector3<f64>]) -> Vec<Matrix3<f64>> {
+/// Gradient of the velocity in a cell, row i that of component i, by differences of neighbouring cells, 1/s.
+fn gradient(flow: &Flow, cell: [usize; 3]) -> Matrix3<f64> {
     let n = flow.grid.cells();
-    let strides = [1, n[0], n[0] * n[1]];
-    let mut gradients = Vec::with_capacity(velocity.len());
-    for at in 0..velocity.len() {
-        let cell = [at % n[0], at / n[0] % n[1], at / strides[2]];
-        let along = |d: usize| {
-            let axis = &flow.grid.axes[d];
-            let (below, above) = (cell[d].saturating_sub(1), (cell[d] + 1).min(n[d] - 1));
-            let value = |i: usize| velocity[at + i * strides[d] - cell[d] * strides[d]];
-            (value(above) - value(below)) / (axis.centre(above) - axis.centre(below))
+    let along = |d: usize| {
+        let axis = &flow.grid.axes[d];
+        let [below, above] = [cell[d].saturating_sub(1), (cell[d] + 1).min(n[d] - 1)];
+        let value = |i: usize| {
+            let mut other = cell;
+            other[d] = i;
+            flow.cell_velocity(other)
         };
-        gradients.push(Matrix3::from_columns(&[along(0), along(1), along(2)]));
+        (value(above) - value(below)) / (axis.centre(above) - axis.centre(below))
+    };
+    Matrix3::from_columns(&[along(0), along(1), along(2)])
+}
+
+#[cfg(test)]
+mod tests {
+    use immersed::axis::Axis;
+    use immersed::flow::Settings;
+    use immersed::grid::{End, Ends, Grid};
+    use immersed::momentum::Momentum;
+
+    use super::*;
+
+    /// Files of one picture, and the cells in all of them.
+    fn written(planes: usize) -> (usize, usize) {
+        let open = Ends::Open([End::Inflow, End::Outflow]);
+        let side = || Axis::even(0.0, 1.0, 50);
+        let grid = Grid::new([side(), side(), Axis::even(0.0, 1.0, planes)], [open, open, open]);
+        let momentum = Momentum { upwind_share: 0.5, viscosity: 0.0 };
+        let flow = Flow::new(grid, Settings { density: 1.2, far: Vector3::z(), momentum, tolerance: 1e-3 });
+        let zero = Vector3::zeros();
+        let place = Place { origin: zero, wind: zero, frame: zero, sound: 340.0 };
+        let folder = tempfile::tempdir().expect("a folder");
+        Snapshots::default().write(&flow, &place, 0.0, folder.path()).expect("written");
+        let pvd = std::fs::read_to_string(folder.path().join("flow.pvd")).expect("a series");
+        let names: Vec<&str> = pvd.split("file=\"").skip(1).filter_map(|s| s.split('"').next()).collect();
+        let cells = names.iter().map(|name| {
+            let bytes = std::fs::read(folder.path().join(name)).expect("a file");
+            let text = String::from_utf8_lossy(&bytes);
+            let number = text.split("NumberOfCells=\"").nth(1).and_then(|s| s.split('"').next());
+            number.expect("a number").parse::<usize>().expect("a number")
+        });
+        (names.len(), cells.sum())
     }
-    gradients
+
+    #[test]
+    fn files_of_a_picture_have_all_cells() {
+        assert_eq!(written(20), (1, 50_000));
+        assert_eq!(written(60), (3, 150_000));
+    }
 }

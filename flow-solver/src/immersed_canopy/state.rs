@@ -1,11 +1,12 @@
 //! The state of an accepted window, and the file that keeps it.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use channel::Fault;
 use immersed::axis::Axis;
-use immersed::flow::FlowState;
-use immersed::grid::{End, Ends, Grid};
+use immersed::flow::{Flow, FlowState};
+use immersed::grid::{End, Ends, Grid, Velocity};
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
@@ -25,11 +26,11 @@ struct SavedAxis {
 
 /// State of an accepted window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Saved {
+pub struct Saved<'a> {
     axes: Vec<SavedAxis>,
-    /// Staggered velocity and the rates of the step before, with ghosts.
-    velocity: Vec<Vec<f64>>,
-    rates: Vec<Vec<f64>>,
+    /// Staggered velocity and the rates of the step before, with ghosts: of the flow that is saved, or own ones where they were read.
+    velocity: Cow<'a, [Vec<f64>]>,
+    rates: Cow<'a, [Vec<f64>]>,
     previous_dt: Option<f64>,
     jump: Vec<f64>,
     /// Positions of the canopy, m, their velocities, m/s.
@@ -64,9 +65,11 @@ fn vectors(rows: &[[f64; 3]]) -> Vec<Vector3<f64>> {
     rows.iter().map(|r| Vector3::from(*r)).collect()
 }
 
-impl Saved {
-    /// Of a flow on `grid`.
-    pub fn new(grid: &Grid, flow: FlowState, motion: &Kinematics) -> Self {
+impl<'a> Saved<'a> {
+    /// Of an accepted window with the pressure jumps `jump`, Pa.
+    pub fn new(flow: &'a Flow, jump: Vec<f64>, motion: &Kinematics) -> Self {
+        let grid = &flow.grid;
+        let (rates, previous_dt) = flow.last_step();
         let axis = |d: usize| {
             let a = &grid.axes[d];
             let ends = match grid.ends[d] {
@@ -87,10 +90,10 @@ impl Saved {
         };
         Self {
             axes: (0..3).map(axis).collect(),
-            velocity: flow.velocity.into(),
-            rates: flow.rates.into(),
-            previous_dt: flow.previous_dt,
-            jump: flow.jump,
+            velocity: Cow::Borrowed(&flow.velocity),
+            rates: Cow::Borrowed(rates),
+            previous_dt,
+            jump,
             positions: rows(&motion.positions),
             velocities: rows(&motion.velocities),
             vertices: rows(&motion.vertices),
@@ -133,7 +136,7 @@ impl Saved {
         {
             return Err("has positions that are not finite numbers".into());
         }
-        let three = |u: Vec<Vec<f64>>| <[Vec<f64>; 3]>::try_from(u).expect("three components");
+        let three = |u: Cow<'_, [Vec<f64>]>| Velocity::try_from(u.into_owned()).expect("three components");
         let flow = FlowState {
             velocity: three(self.velocity),
             rates: three(self.rates),

@@ -2,7 +2,7 @@
 
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
-use immersed::flow::{Flow, FlowState, Prediction, PressureJumps};
+use immersed::flow::{Flow, PredictedFluxes, PressureJumps};
 use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
 use immersed::grid::Grid;
@@ -64,11 +64,10 @@ pub struct OpenWindow {
     predictions: Vec<AroundCanopy>,
     /// Face of each triangle.
     face_of: Vec<u32>,
-    /// Where several steps are needed: the state at its start.
-    start: Option<FlowState>,
-    /// Whether the first step is predicted already, and its prediction where several steps are needed.
-    predicted: bool,
-    first: Option<Prediction>,
+    /// Pressure jumps from which each solution starts, Pa; where several steps are needed.
+    start_jumps: Vec<f64>,
+    /// Predicted fluxes of the first step, once it is predicted.
+    first: Option<PredictedFluxes>,
     /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
     pub courant: f64,
     pub speed: f64,
@@ -188,7 +187,6 @@ impl OpenWindow {
             vertices = surface.vertices(&nodes, start.origin + drift * time);
             cuts.push(Cut::new(&flow.grid, surface, &vertices)?);
         }
-        let start = (count > 1).then(|| flow.state());
         let speed = flow.largest_speed(velocity);
         Ok(Self {
             index,
@@ -199,8 +197,7 @@ impl OpenWindow {
             cuts,
             predictions,
             face_of: surface.face_of.clone(),
-            start,
-            predicted: false,
+            start_jumps: Vec::new(),
             first: None,
             courant,
             speed,
@@ -218,8 +215,8 @@ impl OpenWindow {
 
     /// Starts the first solution of the window from these jumps.
     pub fn start_from(&mut self, flow: &mut Flow, jumps: Vec<f64>) {
-        if let Some(start) = &mut self.start {
-            start.jump.clone_from(&jumps);
+        if self.cuts.len() > 1 {
+            self.start_jumps.clone_from(&jumps);
         }
         flow.start_from(jumps);
     }
@@ -229,12 +226,13 @@ impl OpenWindow {
         let count = self.cuts.len();
         let mut solution =
             Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
-        if let (Some(start), Some(first)) = (&self.start, &self.first) {
-            flow.repeat(first);
-            flow.start_from(start.jump.clone());
+        if count > 1 && self.first.is_some() {
+            let _part = timing::part("momentum");
+            flow.return_to_prediction();
+            flow.start_from(self.start_jumps.clone());
         }
         for step in 0..count {
-            if step > 0 || !self.predicted {
+            if step > 0 || self.first.is_none() {
                 self.predict(flow, step, face_velocities.len());
             }
             let friction = &self.predictions[step].friction_forces;
@@ -243,7 +241,10 @@ impl OpenWindow {
             cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
             let jumps = {
                 let _part = timing::part("constraints");
-                flow.solve_constraints(&cut.faces.rows)
+                match &self.first {
+                    Some(first) if step == 0 => flow.solve_constraints_from(&cut.faces.rows, first),
+                    _ => flow.solve_constraints(&cut.faces.rows),
+                }
             };
             solution.iterations += jumps.iterations;
             solution.residual = jumps.residual.max(solution.residual);
@@ -252,7 +253,12 @@ impl OpenWindow {
             self.cuts[step].transfer.add_forces(&share, &mut solution.forces);
             if step + 1 < count {
                 let _part = timing::part("projection");
-                flow.accept(&self.cuts[step].faces.rows, &jumps);
+                let rows = &self.cuts[step].faces.rows;
+                if step == 0 {
+                    flow.accept_and_keep(rows, &jumps);
+                } else {
+                    flow.accept(rows, &jumps);
+                }
                 let next = self.cuts[step + 1].faces.transfer(&self.cuts[step].faces, &jumps.jump);
                 flow.start_from(next);
             }
@@ -267,15 +273,15 @@ impl OpenWindow {
         let dt = self.dt / self.cuts.len() as f64;
         self.predictions[step].predict(flow, dt, self.velocity, &self.face_of, faces);
         if step == 0 {
-            self.predicted = true;
-            self.first = self.start.is_some().then(|| flow.prediction());
+            self.first = Some(flow.predicted_fluxes(&self.cuts[0].faces.rows));
         }
     }
 
     /// Returns the flow to the start of the window.
     pub fn reject(&mut self, flow: &mut Flow) {
-        if let Some(start) = &self.start {
-            flow.restore(start.clone()).expect("its own state");
+        if self.cuts.len() > 1 {
+            flow.return_to_start();
+            flow.start_from(self.start_jumps.clone());
         }
         self.jumps = None;
     }
@@ -285,6 +291,7 @@ impl OpenWindow {
         let _part = timing::part("projection");
         let (jumps, cut) = (self.jumps?, self.cuts.pop()?);
         flow.accept(&cut.faces.rows, &jumps);
+        flow.release_kept();
         Some(cut)
     }
 }

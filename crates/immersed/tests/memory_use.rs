@@ -1,0 +1,124 @@
+//! Memory of a flow over windows of several steps. One test, because it measures the memory of the process.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use immersed::axis::Axis;
+use immersed::cut_faces::CutFaces;
+use immersed::flow::{Flow, PredictedFluxes, PressureJumps, Settings};
+use immersed::free_edges::EdgeFluxes;
+use immersed::friction::Friction;
+use immersed::grid::{End, Ends, Grid};
+use immersed::momentum::Momentum;
+use immersed::shapes;
+use nalgebra::Vector3;
+
+/// Counts the allocated bytes, their maximum, and the allocations of an array as large as [`LARGE`] or larger.
+struct Counted;
+
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
+static USED: AtomicUsize = AtomicUsize::new(0);
+static MOST: AtomicUsize = AtomicUsize::new(0);
+static ARRAYS: AtomicUsize = AtomicUsize::new(0);
+
+/// Bytes of ten planes of the grid of the test.
+const LARGE: usize = 10 * 8 * 40 * 40;
+
+fn count(size: usize) {
+    MOST.fetch_max(USED.fetch_add(size, Relaxed) + size, Relaxed);
+    ARRAYS.fetch_add(usize::from(size >= LARGE), Relaxed);
+}
+
+// SAFETY: forwards all calls to the system's allocator.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller promised.
+        unsafe { System.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        count(layout.size());
+        // SAFETY: as the caller promised.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        count(size);
+        USED.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { System.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        USED.fetch_sub(layout.size(), Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { System.dealloc(block, layout) }
+    }
+}
+
+/// A window of `steps` steps, solved three times.
+fn window(flow: &mut Flow, cut: &CutFaces, friction: &mut Friction, steps: usize) {
+    let mut first: Option<PredictedFluxes> = None;
+    let mut jumps = PressureJumps::default();
+    for _ in 0..3 {
+        if steps > 1 && first.is_some() {
+            flow.return_to_prediction();
+        }
+        for step in 0..steps {
+            if step > 0 || first.is_none() {
+                flow.predict_around(0.01, Vector3::zeros(), &EdgeFluxes::default(), Some(friction));
+            }
+            jumps = match step {
+                0 => {
+                    let fluxes = first.get_or_insert_with(|| flow.predicted_fluxes(&cut.rows));
+                    flow.solve_constraints_from(&cut.rows, fluxes)
+                }
+                _ => flow.solve_constraints(&cut.rows),
+            };
+            match step {
+                last if last + 1 == steps => {}
+                0 => flow.accept_and_keep(&cut.rows, &jumps),
+                _ => flow.accept(&cut.rows, &jumps),
+            }
+        }
+    }
+    flow.accept(&cut.rows, &jumps);
+    flow.release_kept();
+}
+
+/// Velocities and rates, three arrays each: at the start and of the step before, of the step that is kept, and of later steps. Pressure and pivots have
+/// no ghosts. After the first windows steps allocate small arrays only.
+#[test]
+fn windows_of_several_steps_need_eighteen_arrays() {
+    for (steps, arrays) in [(1, 12), (2, 15), (3, 18), (5, 18)] {
+        let axis = |n: usize| Axis::even(-1.0, 1.0, n);
+        let open = Ends::Open([End::Inflow, End::Outflow]);
+        let grid = Grid::new([axis(40), axis(40), axis(44)], [open, open, open]);
+        let momentum = Momentum { upwind_share: 0.5, viscosity: 0.01 };
+        let far = Vector3::new(0.1, 0.0, 1.0);
+        let settings = Settings { density: 1.2, far, momentum, tolerance: 1e-4 };
+        let (nodes, faces) = shapes::plate(6);
+        let cut = CutFaces::new(&grid, &nodes, &faces, 0.0).expect("inside");
+        let mut friction = Friction::new(&grid, &nodes, &faces).expect("inside");
+        // Products of matrices keep an array of the size of a cache.
+        window(&mut Flow::new(grid.clone(), settings), &cut, &mut friction, 1);
+        let before = USED.load(Relaxed);
+        MOST.store(before, Relaxed);
+        let mut flow = Flow::new(grid, settings);
+        for _ in 0..2 {
+            window(&mut flow, &cut, &mut friction, steps);
+        }
+        let allocated = ARRAYS.load(Relaxed);
+        for _ in 0..3 {
+            window(&mut flow, &cut, &mut friction, steps);
+        }
+        let large = ARRAYS.load(Relaxed) - allocated;
+        let most = MOST.load(Relaxed) - before;
+        let needed = 8 * (arrays * flow.grid.array_len() + 2 * flow.grid.count());
+        println!("{steps} steps: {most} bytes, arrays {needed}, {large} large allocations");
+        assert!(most < needed + needed / 20, "{steps} steps: {most} bytes, arrays {needed}");
+        assert_eq!(large, 0, "{steps} steps");
+    }
+}
