@@ -4,7 +4,14 @@ mod common;
 #[path = "common/isotropic.rs"]
 mod isotropic;
 
-use isotropic::Model;
+use immersed::axis::Axis;
+use immersed::cut_faces::CutFaces;
+use immersed::eddy_viscosity::SubgridModel;
+use immersed::flow::{Flow, Settings};
+use immersed::grid::{Ends, Grid};
+use immersed::momentum::Momentum;
+use isotropic::{Model, Place};
+use nalgebra::Vector3;
 
 /// The table of the paper holds its own fluctuations and dissipation: 22.2, 12.8 and 8.95 cm/s, and 633 and 174 cm2/s3 at the later stations.
 #[test]
@@ -47,5 +54,88 @@ fn resolved_energy_decays_as_measured() {
         println!("{model:?}: energy {found:.3}, waves of four cells {of_small:.3}");
         assert!((found - energy).abs() < 0.03, "{model:?}: energy {found}");
         assert!((of_small - small).abs() < 0.05, "{model:?}: waves of four cells {of_small}");
+    }
+}
+
+/// The same field in the immersed flow, on the faces of its cells.
+fn immersed_at_start(n: usize, model: Option<SubgridModel>, upwind_share: f64) -> Flow {
+    let axis = || Axis::even(0.0, isotropic::SIZE, n);
+    let grid = Grid::new([axis(), axis(), axis()], [Ends::Periodic; 3]);
+    let momentum = Momentum { upwind_share, viscosity: 1.5e-5 };
+    let settings = Settings { density: 1.225, far: Vector3::zeros(), momentum, tolerance: 1e-6 };
+    let mut flow = Flow::new(grid, settings);
+    flow.set_subgrid_model(model);
+    for (i, u) in isotropic::random_field(n, Place::Faces).into_iter().enumerate() {
+        let at = flow.grid.at([i % n, i / n % n, i / (n * n)].map(|i| i as isize));
+        (0..3).for_each(|d| flow.velocity[d][at] = u[d]);
+    }
+    flow.fill_ghosts();
+    assert!(flow.largest_divergence() < 1e-12, "{}", flow.largest_divergence());
+    flow
+}
+
+/// Advances by `span` s in steps that 1 m/s crosses `courant` cells in; largest Courant number of all three axes and largest rate of the eddy viscosity
+/// times the step.
+fn advance_immersed(flow: &mut Flow, span: f64, courant: f64) -> [f64; 2] {
+    let none = CutFaces::default();
+    let steps = (span / (courant * flow.grid.axes[0].spacing)).ceil();
+    let dt = span / steps;
+    let mut most = [0.0f64; 2];
+    for _ in 0..steps as usize {
+        flow.predict(dt, Vector3::zeros());
+        let jumps = flow.solve_constraints(&none.rows);
+        flow.accept(&none.rows, &jumps);
+        let rates = [flow.largest_rate(Vector3::zeros()), flow.largest_eddy_rate(None)];
+        most = [0, 1].map(|i| most[i].max(rates[i] * dt));
+    }
+    most
+}
+
+/// Spectrum of the immersed flow on `n` cells along each axis.
+fn immersed_spectrum(flow: &Flow, n: usize) -> Vec<f64> {
+    isotropic::spectrum_of(n, |d, i| {
+        flow.velocity[d][flow.grid.at([i % n, i / n % n, i / (n * n)].map(|i| i as isize))]
+    })
+}
+
+/// As [`resolved_energy_decays_as_measured`], in the immersed flow with the central flux, at the second and the third station.
+#[test]
+fn resolved_energy_of_the_immersed_flow_decays_as_measured() {
+    let n = 32;
+    for (model, energy, small) in [
+        (None, [1.660, 1.63], 1.83),
+        (Some(SubgridModel::Smagorinsky), [1.084, 1.0], 1.14),
+        (Some(SubgridModel::Wale), [1.042, 1.0], 1.07),
+    ] {
+        let mut flow = immersed_at_start(n, model, 0.0);
+        let start = immersed_spectrum(&flow, n);
+        assert!((isotropic::energy(&start) / isotropic::resolved(0, n) - 1.0).abs() < 1e-12);
+        let mut found = [0.0; 2];
+        for station in 1..=2 {
+            let span = isotropic::TIMES[station] - isotropic::TIMES[station - 1];
+            let rates = advance_immersed(&mut flow, span, 0.2);
+            let spectrum = immersed_spectrum(&flow, n);
+            found[station - 1] = isotropic::energy(&spectrum) / isotropic::resolved(station, n);
+            let ratio = |shells: std::ops::RangeInclusive<usize>| -> f64 {
+                let measured: f64 =
+                    shells.clone().map(|m| isotropic::measured(station, isotropic::wave_number(m))).sum();
+                shells.map(|m| spectrum[m]).sum::<f64>() / measured
+            };
+            let of_small = ratio(7..=10);
+            println!(
+                "{model:?}, station {station}: energy {:.3}, waves of eight, six, four, three, two cells {:.2} {:.2} {of_small:.3} {:.2} {:.2}; rates {rates:.3?}",
+                found[station - 1],
+                ratio(4..=4),
+                ratio(5..=6),
+                ratio(10..=12),
+                ratio(15..=16)
+            );
+            if station == 1 {
+                assert!((of_small - small).abs() < 0.05, "{model:?}: waves of four cells {of_small}");
+            }
+        }
+        for (found, energy) in found.iter().zip(energy) {
+            assert!((found - energy).abs() < 0.03, "{model:?}: energy {found}");
+        }
     }
 }

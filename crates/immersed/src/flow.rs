@@ -18,6 +18,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
+use crate::eddy_viscosity::EddyViscosity;
 use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
@@ -82,6 +83,8 @@ pub struct Flow {
     /// Unknowns of the constraint, the start of the next solution.
     pub(crate) jump: Vec<f64>,
     pub(crate) dt: f64,
+    /// Of a flow with a model of its small eddies.
+    pub(crate) eddies: Option<EddyViscosity>,
 }
 
 /// State of a flow at an accepted step.
@@ -124,6 +127,7 @@ impl Flow {
             pressure: vec![0.0; grid.count()],
             jump: Vec::new(),
             dt: 0.0,
+            eddies: None,
             velocity,
             settings,
             grid,
@@ -178,9 +182,13 @@ impl Flow {
         let viscosity = self.settings.momentum.viscosity;
         let planes = self.slabs.own();
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
-        self.settings.momentum.rates(&self.grid, &self.velocity, frame, planes, &mut self.rates[0]);
+        self.settings.momentum.rates(&self.grid, &self.velocity, frame, planes.clone(), &mut self.rates[0]);
         if let Some(friction) = &friction {
             friction.interrupt_fluxes(viscosity, &self.velocity, &own, &mut self.rates[0]);
+        }
+        if let Some(eddies) = &mut self.eddies {
+            eddies.update(&self.grid, &self.velocity, &self.slabs, friction.as_deref());
+            eddies.add_rates(&self.grid, &self.velocity, planes, &mut self.rates[0]);
         }
         let back = self.previous_dt.map_or(0.0, |previous| 0.5 * dt / previous);
         for c in 0..3 {

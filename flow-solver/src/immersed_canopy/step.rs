@@ -98,10 +98,10 @@ pub struct Start<'a> {
     pub frame: Vector3<f64>,
 }
 
-/// Number of equal steps of a window of `dt` s. The stress of walls is implicit and does not shorten them.
-pub fn steps(flow: &Flow, dt: f64, courant: f64) -> usize {
+/// Number of equal steps of a window of `dt` s; `eddies`: rate of the eddy viscosity, 1/s. The stress of walls is implicit and does not shorten them.
+pub fn steps(flow: &Flow, dt: f64, courant: f64, eddies: f64) -> usize {
     let h = flow.grid.axes[0].spacing;
-    let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h);
+    let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h) + eddies * dt;
     // Not a number: one step, whose result is judged.
     (((courant + viscous) / MAX_COURANT).ceil().max(1.0) as usize).min(MAX_STEPS)
 }
@@ -134,7 +134,7 @@ impl OpenWindow {
     /// # Errors
     /// A node outside the even cells.
     pub fn new(
-        flow: &Flow,
+        flow: &mut Flow,
         surface: &CanopySurface,
         start: &Start<'_>,
         (index, dt): (u64, f64),
@@ -142,16 +142,20 @@ impl OpenWindow {
     ) -> Result<Self, OutsideCore> {
         let _part = timing::part("cut");
         let courant = flow.largest_rate(velocity) * dt;
-        let count = steps(flow, dt, courant);
         let spacing = flow.grid.axes[0].spacing;
-        let mut cuts = Vec::with_capacity(count);
         let mut nodes = Vec::new();
         let mut frictions = Vec::new();
         // Friction counts from the vertices at the start of a step.
         let viscous = flow.settings.momentum.viscosity > 0.0;
         let mut vertices = if viscous { surface.vertices(start.positions, start.origin) } else { Vec::new() };
+        if viscous {
+            frictions.push(friction(flow, surface, start, &vertices)?);
+        }
+        let eddies = flow.largest_eddy_rate(frictions.first());
+        let count = steps(flow, dt, courant, eddies);
+        let mut cuts = Vec::with_capacity(count);
         for step in 1..=count {
-            if viscous {
+            if viscous && step > 1 {
                 frictions.push(friction(flow, surface, start, &vertices)?);
             }
             let time = dt * step as f64 / count as f64;

@@ -3,13 +3,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::StageKind;
+use super::{StageKind, Turbulence, WallTreatment};
 use crate::Scene;
 use crate::check::Check;
 
 /// A Cartesian grid through which the canopy moves, instead of one that is fitted to it: fabric may fold, touch itself and close its vents, and no
-/// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it (laminar only). The even
-/// cells around the canopy follow it; when it comes near their end, a new grid is made around it.
+/// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it; of the turbulence models it has
+/// `smagorinsky` and `wale`, without a law of the wall. The even cells around the canopy follow it; when it comes near their end, a new grid is made around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Immersed {
@@ -59,13 +59,23 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
     const REMEDY: &str = "remove it, or [flow.immersed]";
+    let viscosity = flow.viscosity.as_ref();
+    if let Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) =
+        viscosity.and_then(|v| v.turbulence)
+    {
+        c.refuse(
+            "flow.viscosity.turbulence",
+            "the immersed flow has the turbulence models smagorinsky and wale only",
+            "use \"wale\", or remove [flow.immersed]",
+        );
+    }
     let refused = [
         (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
         (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
         (
-            flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some()),
-            "flow.viscosity.turbulence",
-            "the immersed flow has no turbulence model",
+            viscosity.and_then(|v| v.wall_treatment) == Some(WallTreatment::Automatic),
+            "flow.viscosity.wall_treatment",
+            "the immersed flow has no law of the wall",
         ),
         (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
         (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
