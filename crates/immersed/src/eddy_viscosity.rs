@@ -8,8 +8,9 @@
 //! with the rate $`r`$ of Smagorinsky (1963) or of WALE (Nicoud and Ducros 1999). It is added to the molecular stress of [`crate::momentum`],
 //! whose Laplacian form is the full one where the viscosity is constant and the divergence zero.
 //!
-//! **Places.** $`\nu_t`$ lies at the centres of cells. A normal component of the gradient there is the difference of two faces; a shear component is the mean of
-//! the four differences on the edges around the centre. A normal stress lies at the centre, a shear stress on the edge, with the mean $`\nu_t`$ of its four
+//! **Places.** $`\nu_t`$ lies at the centres of cells. A normal component of the gradient there is the difference of two faces. A shear component is a difference on an edge;
+//! $`S{:}S`$ and $`S^d{:}S^d`$ are means over four corners of the cell, of whose edges each is used once. (The mean of the differences of four edges misses half of the gradient of
+//! waves of four cells.) A normal stress lies at the centre, a shear stress on the edge, with the mean $`\nu_t`$ of its four
 //! cells; each is the flux between two volumes of one component, so that momentum is conserved, and $`\tau_{cd} = \tau_{dc}`$ is one number. The work of the stress is
 //! $`-\nu_t`$ times a sum of squares: it takes energy everywhere.
 //!
@@ -48,11 +49,22 @@ impl SubgridModel {
     /// Kinematic eddy viscosity over the square of the filter width, $`C^2 r`$, 1/s.
     pub fn rate(self, g: &Gradient) -> f64 {
         match self {
-            Self::Smagorinsky => smagorinsky(g),
-            Self::Wale => wale(g),
+            Self::Smagorinsky => Smagorinsky::rate(Smagorinsky::invariants(g)),
+            Self::Wale => Wale::rate(Wale::invariants(g)),
         }
     }
 }
+
+/// A model by the squares of its tensors, which are averaged over a cell. Loops over cells are compiled for each.
+trait Law {
+    /// $`S{:}S`$ and, where the model has it, $`S^d{:}S^d`$.
+    fn invariants(g: &Gradient) -> [f64; 2];
+    /// $`C^2 r`$, 1/s.
+    fn rate(invariants: [f64; 2]) -> f64;
+}
+
+struct Smagorinsky;
+struct Wale;
 
 #[inline(always)]
 fn strain_squared(g: &Gradient) -> f64 {
@@ -63,26 +75,39 @@ fn strain_squared(g: &Gradient) -> f64 {
         + 0.5 * (shear(0, 1) + shear(1, 2) + shear(0, 2))
 }
 
-#[inline(always)]
-fn smagorinsky(g: &Gradient) -> f64 {
-    SMAGORINSKY * SMAGORINSKY * (2.0 * strain_squared(g)).sqrt()
+impl Law for Smagorinsky {
+    #[inline(always)]
+    fn invariants(g: &Gradient) -> [f64; 2] {
+        [strain_squared(g), 0.0]
+    }
+
+    #[inline(always)]
+    fn rate([s2, _]: [f64; 2]) -> f64 {
+        SMAGORINSKY * SMAGORINSKY * (2.0 * s2).sqrt()
+    }
 }
 
-#[inline(always)]
-fn wale(g: &Gradient) -> f64 {
-    let square = |c: usize, d: usize| g[c][0] * g[0][d] + g[c][1] * g[1][d] + g[c][2] * g[2][d];
-    let [a, b, c] = [square(0, 0), square(1, 1), square(2, 2)];
-    let third = (a + b + c) / 3.0;
-    let (a, b, c) = (a - third, b - third, c - third);
-    let shear = |c: usize, d: usize| {
-        let sum = square(c, d) + square(d, c);
-        sum * sum
-    };
-    let s2 = strain_squared(g);
-    let d2 = a * a + b * b + c * c + 0.5 * (shear(0, 1) + shear(1, 2) + shear(0, 2));
-    // Where nothing turns or stretches both are zero.
-    let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt() + f64::MIN_POSITIVE;
-    WALE * WALE * (d2 * d2.sqrt() / bottom)
+impl Law for Wale {
+    #[inline(always)]
+    fn invariants(g: &Gradient) -> [f64; 2] {
+        let square = |c: usize, d: usize| g[c][0] * g[0][d] + g[c][1] * g[1][d] + g[c][2] * g[2][d];
+        let [a, b, c] = [square(0, 0), square(1, 1), square(2, 2)];
+        let third = (a + b + c) / 3.0;
+        let (a, b, c) = (a - third, b - third, c - third);
+        let shear = |c: usize, d: usize| {
+            let sum = square(c, d) + square(d, c);
+            sum * sum
+        };
+        let d2 = a * a + b * b + c * c + 0.5 * (shear(0, 1) + shear(1, 2) + shear(0, 2));
+        [strain_squared(g), d2]
+    }
+
+    #[inline(always)]
+    fn rate([s2, d2]: [f64; 2]) -> f64 {
+        // Where nothing turns or stretches both are zero.
+        let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt() + f64::MIN_POSITIVE;
+        WALE * WALE * (d2 * d2.sqrt() / bottom)
+    }
 }
 
 /// Inverse lengths along one axis.
@@ -110,6 +135,11 @@ impl Lengths {
             width: widths.map(|w| 1.0 / w).collect(),
             filter: w.iter().map(|w| w.powf(2.0 / 3.0)).collect(),
         }
+    }
+
+    /// At cell `i` of the grid.
+    fn of_cell(&self, i: usize) -> CellLengths {
+        CellLengths { distance: [self.distance[i], self.distance[i + 1]], width: self.width[i + 1] }
     }
 
     /// Inverse width of cell `i`, which may be -1 or one above the grid.
@@ -141,10 +171,9 @@ impl EddyViscosity {
 
     /// Finds the eddy viscosity of `u`, whose ghosts are filled, in the own cells and those next to them. On several ranks collective.
     pub(crate) fn update(&mut self, grid: &Grid, u: &Velocity, slabs: &Slabs, friction: Option<&Friction>) {
-        let own = slabs.own();
         match self.model {
-            SubgridModel::Smagorinsky => self.set_cells(grid, u, own.clone(), smagorinsky),
-            SubgridModel::Wale => self.set_cells(grid, u, own.clone(), wale),
+            SubgridModel::Smagorinsky => self.set_cells::<Smagorinsky>(grid, u, slabs.own()),
+            SubgridModel::Wale => self.set_cells::<Wale>(grid, u, slabs.own()),
         }
         if let Some(friction) = friction {
             self.clear_crossed(grid, friction);
@@ -152,26 +181,16 @@ impl EddyViscosity {
         self.fill_ghosts(grid, slabs);
     }
 
-    /// Sets the own cells.
-    fn set_cells(
-        &mut self,
-        grid: &Grid,
-        u: &Velocity,
-        planes: Range<usize>,
-        rate: impl Fn(&Gradient) -> f64 + Copy,
-    ) {
+    /// Sets the cells in `planes` along z.
+    fn set_cells<L: Law>(&mut self, grid: &Grid, u: &Velocity, planes: Range<usize>) {
         let [nx, ny, _] = grid.cells();
         let [x, y, z] = &self.lengths;
         for k in planes {
-            let along_z =
-                AcrossRow { distance: [z.distance[k], z.distance[k + 1]], width: z.width(k as isize) };
             for j in 0..ny {
-                let along_y =
-                    AcrossRow { distance: [y.distance[j], y.distance[j + 1]], width: y.width(j as isize) };
                 let start = grid.at([0, j as isize, k as isize]);
+                let row = CellRow { u, strides: grid.strides, start, x, y: y.of_cell(j), z: z.of_cell(k) };
                 let filter = y.filter[j] * z.filter[k];
-                let row = &mut self.values[start..start + nx];
-                set_row(u, grid.strides, start, [&along_y, &along_z], x, |g| filter * rate(g), row);
+                row.set::<L>(filter, &mut self.values[start..start + nx]);
             }
         }
     }
@@ -262,52 +281,69 @@ impl EddyViscosity {
     }
 }
 
-/// Inverse lengths across a row: distances of the centres below and above, and the width.
-struct AcrossRow {
+/// Inverse lengths at a cell: distances of the centres across its lower and its upper face, and its width.
+#[derive(Clone, Copy)]
+struct CellLengths {
     distance: [f64; 2],
     width: f64,
 }
 
-impl AcrossRow {
-    /// Mean of the differences to the rows below and above.
-    #[inline(always)]
-    fn slope(&self, [low, own, high]: [f64; 3]) -> f64 {
-        0.5 * ((own - low) * self.distance[0] + (high - own) * self.distance[1])
-    }
+/// A row of cells along x, the first at `start`.
+struct CellRow<'a> {
+    u: &'a Velocity,
+    strides: [usize; 3],
+    start: usize,
+    x: &'a Lengths,
+    y: CellLengths,
+    z: CellLengths,
 }
 
-/// Sets a row of cells, whose first is at `start`, to `value` of their gradients.
-#[inline(always)]
-fn set_row(
-    u: &Velocity,
-    [_, sy, sz]: [usize; 3],
-    start: usize,
-    [y, z]: [&AcrossRow; 2],
-    x: &Lengths,
-    value: impl Fn(&Gradient) -> f64,
-    out: &mut [f64],
-) {
-    let n = out.len();
-    // From the cell below the first to the one above the last.
-    let rows = |c: usize, at: usize, s: usize| [at - s, at, at + s].map(|at| &u[c][at - 1..][..n + 2]);
-    let (u_y, u_z) = (rows(0, start, sy), rows(0, start, sz));
-    let (v_z, v_z_above) = (rows(1, start, sz), rows(1, start + sy, sz));
-    let (w_y, w_y_above) = (rows(2, start, sy), rows(2, start + sz, sy));
-    let (v, v_above, w, w_above) = (v_z[1], v_z_above[1], w_y[1], w_y_above[1]);
-    let (distance, width) = (&x.distance[..n + 1], &x.width[1..][..n]);
-    let filter = &x.filter[..n];
-    for i in 0..n {
-        let at = i + 1;
-        let along = |rows: [&[f64]; 3]| rows.map(|r| 0.5 * (r[at] + r[at + 1]));
-        let pair = |a: [&[f64]; 3], b: [&[f64]; 3]| [0, 1, 2].map(|k| 0.5 * (a[k][at] + b[k][at]));
-        let on_x = AcrossRow { distance: [distance[i], distance[i + 1]], width: width[i] };
-        let three = |a: &[f64], b: &[f64]| [i, i + 1, i + 2].map(|k| 0.5 * (a[k] + b[k]));
-        let g = [
-            [(u_y[1][at + 1] - u_y[1][at]) * on_x.width, y.slope(along(u_y)), z.slope(along(u_z))],
-            [on_x.slope(three(v, v_above)), (v_above[at] - v[at]) * y.width, z.slope(pair(v_z, v_z_above))],
-            [on_x.slope(three(w, w_above)), y.slope(pair(w_y, w_y_above)), (w_above[at] - w[at]) * z.width],
-        ];
-        out[i] = filter[i] * value(&g);
+/// Corners of a cell of which each pair of axes has all four edges: lower or upper faces of x, y, z.
+const CORNERS: [[usize; 3]; 4] = [[0, 0, 0], [0, 1, 1], [1, 0, 1], [1, 1, 0]];
+
+impl<'a> CellRow<'a> {
+    /// Values of component `c` from the cell below the first to the one above the last, in the row below, this one and the one above along `d`,
+    /// at the lower face of the `n` cells along c and at the upper one.
+    #[inline(always)]
+    fn rows(&self, c: usize, d: usize, n: usize) -> [[&'a [f64]; 3]; 2] {
+        let row = |at: usize| &self.u[c][at - 1..][..n + 2];
+        let s = self.strides[d];
+        [self.start, self.start + self.strides[c]].map(|at| [row(at - s), row(at), row(at + s)])
+    }
+
+    /// Sets the cells `out` to the eddy viscosity of the mean of the invariants at [`CORNERS`]; `filter`: square of the filter width without
+    /// its factor of x.
+    #[inline(always)]
+    fn set<L: Law>(&self, filter: f64, out: &mut [f64]) {
+        let n = out.len();
+        let (u_y, u_z) = (self.rows(0, 1, n)[0], self.rows(0, 2, n)[0]);
+        let (v_z, w_y) = (self.rows(1, 2, n), self.rows(2, 1, n));
+        let (v, w) = (v_z.map(|r| r[1]), w_y.map(|r| r[1]));
+        let (distance, width, of_x) =
+            (&self.x.distance[..n + 1], &self.x.width[1..][..n], &self.x.filter[..n]);
+        let across = |r: [&[f64]; 3], i: usize, end: usize, at: CellLengths| {
+            (r[end + 1][i] - r[end][i]) * at.distance[end]
+        };
+        for i in 0..n {
+            let m = i + 1;
+            let along = |r: &[f64], end: usize| (r[m + end] - r[i + end]) * distance[i + end];
+            let stretch = [
+                (u_y[1][m + 1] - u_y[1][m]) * width[i],
+                (v[1][m] - v[0][m]) * self.y.width,
+                (w[1][m] - w[0][m]) * self.z.width,
+            ];
+            let mut sum = [0.0; 2];
+            for [a, b, c] in CORNERS {
+                let g = [
+                    [stretch[0], across(u_y, m + a, b, self.y), across(u_z, m + a, c, self.z)],
+                    [along(v[b], a), stretch[1], across(v_z[b], m, c, self.z)],
+                    [along(w[c], a), across(w_y[c], m, b, self.y), stretch[2]],
+                ];
+                let [s2, d2] = L::invariants(&g);
+                sum = [sum[0] + s2, sum[1] + d2];
+            }
+            out[i] = filter * of_x[i] * L::rate([0.25 * sum[0], 0.25 * sum[1]]);
+        }
     }
 }
 
@@ -343,7 +379,8 @@ impl Stress<'_> {
     /// Normal stress of the component along x.
     fn normal_along_x(&self, row: &mut [f64], rates: &mut [f64]) {
         let nx = self.grid.cells()[0];
-        let Lengths { distance, width, .. } = &self.lengths[0];
+        let (row, width) = (&mut row[..nx + 1], &self.lengths[0].width[..nx + 1]);
+        let distance = &self.lengths[0].distance[..nx];
         for z in self.planes.clone() {
             for y in self.cells(1) {
                 let start = self.grid.at([0, y, z]);
@@ -390,6 +427,7 @@ impl Stress<'_> {
     fn shear_along_x(&self, d: usize, row: &mut [f64], [of_x, of_d]: [&mut Vec<f64>; 2]) {
         let (nx, s) = (self.grid.cells()[0], self.grid.strides[d]);
         let [x, lengths] = [&self.lengths[0], &self.lengths[d]];
+        let (row, distance, width) = (&mut row[..nx + 1], &x.distance[..nx + 1], &x.width[1..][..nx]);
         let cells = self.cells(d);
         for o in self.cells(3 - d) {
             for m in cells.start..=cells.end {
@@ -400,12 +438,12 @@ impl Stress<'_> {
                 let inverse = lengths.distance[m as usize];
                 for (i, stress) in row.iter_mut().enumerate() {
                     let viscosity = 0.25 * ((a[i] + a[i + 1]) + (b[i] + b[i + 1]));
-                    *stress = viscosity * ((u[i] - below[i]) * inverse + (v[i + 1] - v[i]) * x.distance[i]);
+                    *stress = viscosity * ((u[i] - below[i]) * inverse + (v[i + 1] - v[i]) * distance[i]);
                 }
                 if m < cells.end {
                     add(of_x, start, -lengths.width(m), &row[..nx]);
                     let rates = of_d[start..start + nx].iter_mut();
-                    for ((rate, t), inverse) in rates.zip(row.windows(2)).zip(&x.width[1..]) {
+                    for ((rate, t), inverse) in rates.zip(row.windows(2)).zip(width) {
                         *rate += (t[1] - t[0]) * inverse;
                     }
                 }

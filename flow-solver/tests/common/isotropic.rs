@@ -109,8 +109,15 @@ fn energies(u: &[Vec<Complex<f64>>; 3], n: usize) -> Vec<f64> {
 pub enum Place {
     /// All components at the centres of cells, the exact divergence.
     Centres,
-    /// Each component on the lower face of its cell, the sum of the fluxes through its faces.
+    /// Each component on the lower face of its cell, the sum of the fluxes through its faces; a mirror image of itself at the ends along z.
     Faces,
+}
+
+/// Entry of the mirror image along z of entry `i`, whose component lies on the faces along z (`on_face`) or not.
+pub fn mirrored(i: usize, n: usize, on_face: bool) -> usize {
+    let k = i / (n * n);
+    let image = if on_face { (n - k) % n } else { n - 1 - k };
+    image * n * n + i % (n * n)
 }
 
 impl Place {
@@ -127,8 +134,12 @@ impl Place {
 /// Velocities without divergence, of random phases and the measured spectrum of the first station, m/s: cells along x first.
 pub fn random_field(n: usize, place: Place) -> Vec<[f64; 3]> {
     let mut noise = Noise(42);
-    let mut u: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| {
+    let mut u: [Vec<Complex<f64>>; 3] = std::array::from_fn(|d| {
         let mut values: Vec<_> = (0..n * n * n).map(|_| Complex::new(noise.next(), 0.0)).collect();
+        if place == Place::Faces {
+            let sign = if d == 2 { -1.0 } else { 1.0 };
+            (0..n * n * n / 2).for_each(|i| values[mirrored(i, n, false)] = values[i] * sign);
+        }
         transform(&mut values, n, false);
         values
     });
