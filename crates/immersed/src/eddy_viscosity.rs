@@ -155,6 +155,8 @@ pub(crate) struct EddyViscosity {
     /// Kinematic eddy viscosity at the centres of cells, m2/s, with one layer of ghosts filled.
     values: Vec<f64>,
     lengths: [Lengths; 3],
+    /// Invariants of a row of cells, sums over [`CORNERS`].
+    invariants: [Vec<f64>; 2],
     /// Stresses of a row.
     row: Vec<f64>,
 }
@@ -165,6 +167,7 @@ impl EddyViscosity {
             model,
             values: vec![0.0; grid.array_len()],
             lengths: [0, 1, 2].map(|d| Lengths::new(grid, d)),
+            invariants: [0, 1].map(|_| vec![0.0; grid.cells()[0]]),
             row: vec![0.0; grid.cells()[0] + 1],
         }
     }
@@ -190,7 +193,7 @@ impl EddyViscosity {
                 let start = grid.at([0, j as isize, k as isize]);
                 let row = CellRow { u, strides: grid.strides, start, x, y: y.of_cell(j), z: z.of_cell(k) };
                 let filter = y.filter[j] * z.filter[k];
-                row.set::<L>(filter, &mut self.values[start..start + nx]);
+                row.set::<L>(filter, &mut self.invariants, &mut self.values[start..start + nx]);
             }
         }
     }
@@ -301,48 +304,50 @@ struct CellRow<'a> {
 /// Corners of a cell of which each pair of axes has all four edges: lower or upper faces of x, y, z.
 const CORNERS: [[usize; 3]; 4] = [[0, 0, 0], [0, 1, 1], [1, 0, 1], [1, 1, 0]];
 
-impl<'a> CellRow<'a> {
-    /// Values of component `c` from the cell below the first to the one above the last, in the row below, this one and the one above along `d`,
-    /// at the lower face of the `n` cells along c and at the upper one.
-    #[inline(always)]
-    fn rows(&self, c: usize, d: usize, n: usize) -> [[&'a [f64]; 3]; 2] {
-        let row = |at: usize| &self.u[c][at - 1..][..n + 2];
-        let s = self.strides[d];
-        [self.start, self.start + self.strides[c]].map(|at| [row(at - s), row(at), row(at + s)])
+impl CellRow<'_> {
+    /// Adds the invariants at one corner of the cells, lower (0) or upper (1) along each axis.
+    // One loop without branches over slices of one length, whose results alias nothing: it is compiled to vector instructions.
+    #[inline(never)]
+    fn add_corner<L: Law>(&self, corner: [usize; 3], strain: &mut [f64], squared: &mut [f64]) {
+        let n = strain.len();
+        let squared = &mut squared[..n];
+        let upper =
+            |c: usize, d: usize| self.start + corner[c] * self.strides[c] + corner[d] * self.strides[d];
+        let pair = |c: usize, d: usize| {
+            let at = upper(c, d);
+            [&self.u[c][at - self.strides[d]..][..n], &self.u[c][at..][..n]]
+        };
+        let stretch =
+            |c: usize| [&self.u[c][self.start..][..n], &self.u[c][self.start + self.strides[c]..][..n]];
+        let (u_x, u_y, u_z) = (stretch(0), pair(0, 1), pair(0, 2));
+        let (v_x, v_y, v_z) = (pair(1, 0), stretch(1), pair(1, 2));
+        let (w_x, w_y, w_z) = (pair(2, 0), pair(2, 1), stretch(2));
+        let (width, along_x) = (&self.x.width[1..][..n], &self.x.distance[corner[0]..][..n]);
+        let [along_y, along_z] = [self.y.distance[corner[1]], self.z.distance[corner[2]]];
+        for i in 0..n {
+            let of = |[low, high]: [&[f64]; 2], inverse: f64| (high[i] - low[i]) * inverse;
+            let g = [
+                [of(u_x, width[i]), of(u_y, along_y), of(u_z, along_z)],
+                [of(v_x, along_x[i]), of(v_y, self.y.width), of(v_z, along_z)],
+                [of(w_x, along_x[i]), of(w_y, along_y), of(w_z, self.z.width)],
+            ];
+            let [s2, d2] = L::invariants(&g);
+            strain[i] += s2;
+            squared[i] += d2;
+        }
     }
 
     /// Sets the cells `out` to the eddy viscosity of the mean of the invariants at [`CORNERS`]; `filter`: square of the filter width without
     /// its factor of x.
-    #[inline(always)]
-    fn set<L: Law>(&self, filter: f64, out: &mut [f64]) {
-        let n = out.len();
-        let (u_y, u_z) = (self.rows(0, 1, n)[0], self.rows(0, 2, n)[0]);
-        let (v_z, w_y) = (self.rows(1, 2, n), self.rows(2, 1, n));
-        let (v, w) = (v_z.map(|r| r[1]), w_y.map(|r| r[1]));
-        let (distance, width, of_x) =
-            (&self.x.distance[..n + 1], &self.x.width[1..][..n], &self.x.filter[..n]);
-        let across = |r: [&[f64]; 3], i: usize, end: usize, at: CellLengths| {
-            (r[end + 1][i] - r[end][i]) * at.distance[end]
-        };
-        for i in 0..n {
-            let m = i + 1;
-            let along = |r: &[f64], end: usize| (r[m + end] - r[i + end]) * distance[i + end];
-            let stretch = [
-                (u_y[1][m + 1] - u_y[1][m]) * width[i],
-                (v[1][m] - v[0][m]) * self.y.width,
-                (w[1][m] - w[0][m]) * self.z.width,
-            ];
-            let mut sum = [0.0; 2];
-            for [a, b, c] in CORNERS {
-                let g = [
-                    [stretch[0], across(u_y, m + a, b, self.y), across(u_z, m + a, c, self.z)],
-                    [along(v[b], a), stretch[1], across(v_z[b], m, c, self.z)],
-                    [along(w[c], a), across(w_y[c], m, b, self.y), stretch[2]],
-                ];
-                let [s2, d2] = L::invariants(&g);
-                sum = [sum[0] + s2, sum[1] + d2];
-            }
-            out[i] = filter * of_x[i] * L::rate([0.25 * sum[0], 0.25 * sum[1]]);
+    fn set<L: Law>(&self, filter: f64, [strain, squared]: &mut [Vec<f64>; 2], out: &mut [f64]) {
+        strain.fill(0.0);
+        squared.fill(0.0);
+        for corner in CORNERS {
+            self.add_corner::<L>(corner, strain, squared);
+        }
+        let invariants = strain.iter().zip(squared.iter());
+        for ((out, (s2, d2)), of_x) in out.iter_mut().zip(invariants).zip(&self.x.filter) {
+            *out = filter * of_x * L::rate([0.25 * s2, 0.25 * d2]);
         }
     }
 }
