@@ -4,6 +4,7 @@ mod common;
 #[path = "common/isotropic.rs"]
 mod isotropic;
 
+use flow_solver::physics::{EddyViscosity, Turbulent, Viscosity, WallTreatment};
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
 use immersed::eddy_viscosity::SubgridModel;
@@ -11,7 +12,7 @@ use immersed::flow::{Flow, Settings};
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
 use isotropic::{Model, Place};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 /// The table of the paper holds its own fluctuations and dissipation: 22.2, 12.8 and 8.95 cm/s, and 633 and 174 cm2/s3 at the later stations.
 #[test]
@@ -54,6 +55,20 @@ fn resolved_energy_decays_as_measured() {
         println!("{model:?}: energy {found:.3}, waves of four cells {of_small:.3}");
         assert!((found - energy).abs() < 0.03, "{model:?}: energy {found}");
         assert!((of_small - small).abs() < 0.05, "{model:?}: waves of four cells {of_small}");
+    }
+}
+
+/// One law for both flows: the eddy viscosity of a gradient over the square of the width of a cell.
+#[test]
+fn fitted_and_immersed_flow_have_the_same_models() {
+    let g = Matrix3::new(2.0, -1.0, 0.5, 3.0, -0.7, 1.5, -0.4, 0.9, -1.3);
+    let rows = [0, 1, 2].map(|c| [0, 1, 2].map(|d| g[(c, d)]));
+    let fitted = [EddyViscosity::Smagorinsky, EddyViscosity::Wale].map(|eddies| {
+        Turbulent { viscosity: 0.0, eddies, wall: WallTreatment::Resolved }.dynamic(1.0, &g.transpose(), 1.0)
+    });
+    let immersed = [SubgridModel::Smagorinsky, SubgridModel::Wale].map(|model| model.rate(&rows));
+    for (a, b) in fitted.iter().zip(immersed) {
+        assert!((a / b - 1.0).abs() < 1e-14 && b > 0.01, "{fitted:?} {immersed:?}");
     }
 }
 
@@ -104,14 +119,15 @@ fn immersed_spectrum(flow: &Flow, n: usize) -> Vec<f64> {
     })
 }
 
-/// As [`resolved_energy_decays_as_measured`], in the immersed flow with the central flux, at the second and the third station.
+/// As [`resolved_energy_decays_as_measured`], in the immersed flow with the central flux, at the second and the third station. Without a model only molecular
+/// viscosity takes energy, which piles up in waves of two cells.
 #[test]
 fn resolved_energy_of_the_immersed_flow_decays_as_measured() {
     let n = 32;
     for (model, energy, small) in [
-        (None, [1.660, 1.63], 1.83),
-        (Some(SubgridModel::Smagorinsky), [1.084, 1.0], 1.14),
-        (Some(SubgridModel::Wale), [1.042, 1.0], 1.07),
+        (None, [2.006, 2.792], 1.97),
+        (Some(SubgridModel::Smagorinsky), [1.117, 1.021], 1.10),
+        (Some(SubgridModel::Wale), [0.994, 0.947], 0.94),
     ] {
         let mut flow = immersed_at_start(n, model);
         let start = immersed_spectrum(&flow, n);

@@ -273,3 +273,31 @@ impl OpenWindow {
         Some(cut)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use immersed::axis::Axis;
+    use immersed::flow::Settings;
+    use immersed::grid::{End, Ends};
+    use immersed::momentum::Momentum;
+
+    use super::*;
+
+    /// A window of 0.1 s on cells of 0.1 m: by the Courant number, molecular viscosity and eddy viscosity, alone and together.
+    #[test]
+    fn eddy_viscosity_divides_a_window() {
+        let axis = || Axis::even(0.0, 0.4, 4);
+        let grid = Grid::new([axis(), axis(), axis()], [Ends::Open([End::Slip; 2]); 3]);
+        let flow = |viscosity: f64| {
+            let momentum = Momentum { upwind_share: 0.0, viscosity };
+            let settings = Settings { density: 1.0, far: Vector3::zeros(), momentum, tolerance: 1e-3 };
+            Flow::new(grid.clone(), settings)
+        };
+        // 12 nu dt / h^2 is 0.3 with the viscosity.
+        let (inviscid, viscous) = (flow(0.0), flow(0.0025));
+        let found =
+            [(0.3, 0.0), (0.3, 2.0), (0.0, 7.9), (0.0, 8.1)].map(|(c, e)| steps(&inviscid, 0.1, c, e));
+        assert_eq!(found, [1, 2, 2, 3]);
+        assert_eq!([0.9, 1.1, 5.1].map(|eddies| steps(&viscous, 0.1, 0.0, eddies)), [1, 2, 3]);
+    }
+}
