@@ -604,8 +604,8 @@ mod tests {
         let (mut square, mut largest) = (0.0, 0.0f64);
         for cell in cells_of(&grid.all_cells()) {
             let cell = cell.map(|i| i as isize);
-            for c in 0..3 {
-                let error = rates[c][grid.at(cell)] - exact(c, point(cell, c));
+            for (c, rates) in rates.iter().enumerate() {
+                let error = rates[grid.at(cell)] - exact(c, point(cell, c));
                 square += error * error;
                 largest = largest.max(error.abs());
             }
