@@ -81,20 +81,47 @@ fn immersed_descent_is_that_of_one_rank_on_several() {
     let folder = tempfile::tempdir().expect("a folder");
     let viscous =
         [("[flow.immersed]\n", "[flow.viscosity]\ndynamic_viscosity_pa_s = 1e-3\n\n[flow.immersed]\n")];
-    let scene = immersed(
-        folder.path(),
-        &[&viscous[..], &[("residual_drop = 1e-3", "residual_drop = 1e-9"), (BEFORE, "")]].concat(),
-    );
+    compare_ranks(folder.path(), &viscous);
+}
+
+/// The same with an eddy viscosity, which follows from the velocity: a run in two parts has the digits of one that was not interrupted.
+#[test]
+fn immersed_descent_with_an_eddy_viscosity_is_that_of_one_rank_on_several_and_resumes_bitwise() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let wale = [("[flow.immersed]\n", "[flow.viscosity]\nturbulence = \"wale\"\n\n[flow.immersed]\n")];
+    let (scene, one) = compare_ranks(folder.path(), &wale);
+    let laminar = [("[flow.immersed]\n", "[flow.viscosity]\n\n[flow.immersed]\n")];
+    let without = folder.path().join("laminar");
+    std::fs::create_dir_all(&without).expect("a folder");
+    let laminar = immersed(&without, &[&laminar[..], &TIGHT].concat());
+    let without = without.join("out");
+    succeed(ripstop_run(&laminar, &without, &[]));
+    let parts = folder.path().join("parts");
+    succeed(ripstop_run(&scene, &parts, &["--stop-after-windows", "5"]));
+    succeed(ripstop_run(&scene, &parts, &["--resume"]));
+    let (one, laminar) = (History::read(&one, "descent"), History::read(&without, "descent"));
+    assert_eq!(one.without_wall_times(), History::read(&parts, "descent").without_wall_times());
+    let [drag, of_laminar] = [&one, &laminar].map(|h| h.column("drag_n")[11]);
+    println!("drag {drag}, laminar {of_laminar}");
+    assert!((drag / of_laminar - 1.0).abs() > 1e-6, "the model has no effect");
+}
+
+/// Solves that agree to round-off, without stages before the descent.
+const TIGHT: [(&str, &str); 2] = [("residual_drop = 1e-3", "residual_drop = 1e-9"), (BEFORE, "")];
+
+/// Compares three ranks, and a run that continues on another number, with one rank; returns the scene and the folder of one rank.
+fn compare_ranks(folder: &Path, changes: &[(&str, &str)]) -> (PathBuf, PathBuf) {
+    let scene = immersed(folder, &[changes, &TIGHT].concat());
     let run = |name: &str, options: &[&str]| {
-        let out = folder.path().join(name);
+        let out = folder.join(name);
         succeed(ripstop_run(&scene, &out, options));
         out
     };
-    let one = run("one", &[]);
+    let first = run("one", &[]);
     let three = run("three", &["--ranks", "flow=3"]);
     run("mixed", &["--ranks", "flow=2", "--stop-after-windows", "5"]);
     let mixed = run("mixed", &["--ranks", "flow=1", "--resume"]);
-    let one = History::read(&one, "descent");
+    let one = History::read(&first, "descent");
     for (name, other) in [("three", three), ("mixed", mixed)] {
         let other = History::read(&other, "descent");
         assert_eq!(other.len(), 12);
@@ -108,6 +135,7 @@ fn immersed_descent_is_that_of_one_rank_on_several() {
             assert!(errors.iter().all(|e| *e < 1e-5), "{name} {column}: {errors:?}");
         }
     }
+    (scene, first)
 }
 
 /// The same descent on both grids, over its first 60 ms: the canopy fills and is slowed by the same force of the air.
@@ -131,7 +159,8 @@ fn immersed_and_fitted_grids_agree() {
 fn effects_without_support_are_refused() {
     for (more, key) in [
         ("[flow.energy]\n", "energy"),
-        ("[flow.viscosity]\nturbulence = \"wale\"\n", "no turbulence model"),
+        ("[flow.viscosity]\nturbulence = \"ddes\"\n", "smagorinsky and wale only"),
+        ("[flow.viscosity]\nturbulence = \"wale\"\nwall_treatment = \"automatic\"\n", "no law of the wall"),
         ("[flow.shear]\nheight_m = 100.0\n", "shear"),
     ] {
         let folder = tempfile::tempdir().expect("a folder");

@@ -134,7 +134,10 @@ fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
     let windy = |rest: &str| format!("{WINDY}{}", shear(rest));
     let cloth = |keys: &str| format!("[fabric.permeability]\n{keys}\n{FLOW}");
     let march = "[stage.steady]\n";
+    let immersed = |t: &str| format!("{}[flow.immersed]\nspacing_m = 0.3\n", turbulent(t));
     for (flow, stage) in [
+        (immersed("wale"), STEADY),
+        (immersed("smagorinsky\"\nwall_treatment = \"resolved"), STEADY),
         (windy("\"power\""), STEADY),
         (shear("\"table\"\nheight_m = [0, 9]\ntable_m_s = [[0, 0, 0], [1, 0, 0]]"), STEADY),
         (turbulent("ddes"), STEADY),
@@ -158,6 +161,14 @@ fn effects_of_the_flow_are_checked_for_sense_and_contradictions() {
         (windy("\"power\"\nexponent = 3"), STEADY, "0.1 to 0.3 is usual"),
         (windy("\"power\""), march, "another wind at every height"),
         (turbulent("wale"), march, "never steady"),
+        (immersed("ddes"), STEADY, "has the turbulence models smagorinsky and wale only"),
+        (immersed("des97"), STEADY, "smagorinsky and wale only"),
+        (immersed("spalart-allmaras"), STEADY, "smagorinsky and wale only"),
+        (
+            immersed("wale\"\nwall_treatment = \"automatic"),
+            STEADY,
+            "the immersed flow has no law of the wall",
+        ),
         ("[flow.viscosity]\nwall_treatment = \"resolved\"\n".to_owned(), STEADY, "has no law of the wall"),
         (
             "[flow.gust]\nvelocity_m_s = [1, 0, 0]\nduration_s = 1\nclock = \"stage\"\n".to_owned(),

@@ -38,7 +38,7 @@ pub const CHECKS: &[Check] = &[
                    fabric folds during the run, and the accuracy of either method in this scene",
         range: "warning for a fitted grid around a canopy with contact or reefing",
         source: "docs/how-to/choose-the-flow-method.md: a fitted grid ends where fabric folds, vents close or layers touch; the immersed flow has \
-                 laminar friction only and no turbulence model",
+                 an eddy viscosity away from the fabric, and no law of the wall",
         severity: Warning,
         remedy: "replace [flow.grid] by [flow.immersed] with spacing_m, or let the structure open the canopy in a stage before the flow",
         when: When::Before(method),
@@ -64,7 +64,7 @@ pub const CHECKS: &[Check] = &[
         source: "Schlichting, Boundary Layer Theory; docs/records/verification.md: skin friction of the flat plate at y+ 1 to 300 \
                  with the law of the wall",
         severity: Warning,
-        remedy: "reduce flow.grid.first_layer_m and add layers, or reduce flow.immersed.spacing_m; where only y+ is too large, set \
+        remedy: "reduce flow.grid.first_layer_m and add layers, or reduce flow.immersed.spacing_m; where only y+ is too large on a fitted grid, set \
                  flow.viscosity.wall_treatment = \"automatic\"; or omit [flow.viscosity]: with separation at the rim the \
                  drag of a canopy is mainly pressure drag",
         when: When::Before(boundary_layer),
@@ -177,13 +177,16 @@ fn method(f: &Facts<'_>) -> Vec<Judged> {
             "layers that pass through each other without [fabric.contact]"
         };
         let friction = if flow.viscosity.is_some() {
-            "laminar friction where cells resolve the boundary layer, of which curved faces receive less than the air loses (sphere at Re 100: 6 to 14 % of the drag)"
+            "friction without a law of the wall where cells resolve the boundary layer, of which curved faces receive less than the air loses (sphere at Re 100: 6 to 14 % of the drag)"
         } else {
             "no friction on the fabric without [flow.viscosity]"
         };
-        let follows = format!(
-            "an immersed canopy: folds, closed vents and {layers} are followed; {friction}, no turbulence model"
-        );
+        let model = match flow.viscosity.as_ref().and_then(|v| v.turbulence) {
+            None => "no turbulence model",
+            Some(_) => "an eddy viscosity away from the fabric",
+        };
+        let follows =
+            format!("an immersed canopy: folds, closed vents and {layers} are followed; {friction}, {model}");
         return vec![Judged::new(Note, "flow.immersed", follows)];
     }
     if folds.is_empty() || !f.scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {

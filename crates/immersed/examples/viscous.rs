@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p immersed --example viscous -- [plate|sphere|cylinder] [cells across] [end, D/U] [Reynolds number] [upwind share]
 //! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip] [Courant number] [offset in a cell: x, y, z]
-//! [1: upwind differences at free edges, 0: the same share as elsewhere]`
+//! [1: upwind differences at free edges, 0: the same share as elsewhere] [none|smagorinsky|wale]`
 //!
 //! The cylinder spans a grid of four cells that is periodic along its axis: two-dimensional flow.
 
@@ -10,6 +10,7 @@ use std::time::Instant;
 
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
+use immersed::eddy_viscosity::SubgridModel;
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, Settings};
 use immersed::free_edges::{EdgeFluxes, free_edges};
@@ -25,6 +26,8 @@ const LINES: usize = 10;
 const MAX_COURANT: f64 = 0.4;
 /// Largest velocity, of the stream, and by how much the sum over the axes exceeds it.
 const FASTEST: f64 = 2.2;
+/// Largest rate of an eddy viscosity, in speeds of the stream over cells.
+const EDDIES: f64 = 1.5;
 
 fn argument(k: usize, default: f64) -> f64 {
     std::env::args().nth(k).map_or(default, |a| a.parse().expect("a number"))
@@ -172,12 +175,22 @@ fn summary(steps: &[Coefficients], dt: f64) -> String {
     )
 }
 
+fn model() -> Option<SubgridModel> {
+    match std::env::args().nth(14).as_deref() {
+        None | Some("none") => None,
+        Some("smagorinsky") => Some(SubgridModel::Smagorinsky),
+        Some("wale") => Some(SubgridModel::Wale),
+        Some(other) => panic!("{other}: none, smagorinsky or wale"),
+    }
+}
+
 fn main() {
     let shape = std::env::args().nth(1).unwrap_or("plate".into());
     let (across, end, reynolds) = (argument(2, 16.0), argument(3, 20.0), argument(4, 200.0));
     let (share, perturbation, far) = (argument(5, 0.0), argument(6, 0.0), argument(7, 5.0));
     let grid = grid(&shape, across, far);
-    let rate = FASTEST * across + 12.0 * across * across / reynolds;
+    let eddies = if model().is_some() { EDDIES * across } else { 0.0 };
+    let rate = FASTEST * across + 12.0 * across * across / reynolds + eddies;
     let steps = (end * rate / argument(9, MAX_COURANT)).ceil() as usize;
     let dt = end / steps as f64;
     let momentum = Momentum { upwind_share: share, viscosity: 1.0 / reynolds };
@@ -185,6 +198,7 @@ fn main() {
     let (cells, extents) = (grid.count(), grid.cells());
     println!("# {shape} at Re {reynolds}, upwind share {share}: {cells} cells {extents:?}, {steps} steps");
     let mut flow = Flow::new(grid, settings);
+    flow.set_subgrid_model(model());
     flow.perturb(perturbation);
     let mut case = Case::new(&shape, across as usize, &flow, argument(8, 1.0) > 0.0);
     let (mut history, mut parts) = (Vec::with_capacity(steps), [0.0; 2]);
@@ -199,7 +213,12 @@ fn main() {
     }
     println!("second half: {}", summary(&history[steps / 2..], dt));
     println!("last step: {}", summary(&history[steps - 1..], dt));
-    println!("# largest Courant number {:.2} at the end", flow.largest_rate(Vector3::zeros()) * dt);
+    let rates = [flow.largest_rate(Vector3::zeros()), flow.largest_eddy_rate(case.friction.as_ref())];
+    println!(
+        "# largest Courant number {:.2} at the end, rate of the eddy viscosity {:.2}",
+        rates[0] * dt,
+        rates[1] * dt
+    );
     let per_cell = 1e6 / (cells * steps) as f64;
     println!(
         "# {:.4} us a cell and step in the prediction, {:.4} in the rest",

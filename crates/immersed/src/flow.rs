@@ -19,6 +19,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
+use crate::eddy_viscosity::EddyViscosity;
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
@@ -106,6 +107,8 @@ pub struct Flow {
     /// Unknowns of the constraint, the start of the next solution.
     pub(crate) jump: Vec<f64>,
     pub(crate) dt: f64,
+    /// Of a flow with a model of its small eddies.
+    pub(crate) eddies: Option<EddyViscosity>,
 }
 
 /// State of a flow at an accepted step.
@@ -151,6 +154,7 @@ impl Flow {
             pressure: vec![0.0; grid.count()],
             jump: Vec::new(),
             dt: 0.0,
+            eddies: None,
             velocity,
             settings,
             grid,
@@ -209,10 +213,14 @@ impl Flow {
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
         let mut rates = self.array_or(|flow| &mut flow.rates);
         let momentum = &self.settings.momentum;
-        momentum.rates(&self.grid, &self.velocity, frame, planes, &mut rates);
+        momentum.rates(&self.grid, &self.velocity, frame, planes.clone(), &mut rates);
         edges.add_rates(momentum, &self.grid, &self.velocity, frame, &own, &mut rates);
         if let Some(friction) = &friction {
             friction.interrupt_fluxes(viscosity, &self.velocity, &own, &mut rates);
+        }
+        if let Some(eddies) = &mut self.eddies {
+            eddies.update(&self.grid, &self.velocity, &self.slabs, friction.as_deref());
+            eddies.add_rates(&self.grid, &self.velocity, planes, &mut rates);
         }
         self.rates = rates;
         self.dt = dt;

@@ -115,6 +115,11 @@ impl Friction {
         }
     }
 
+    /// Component and positions of the two neighbours of each segment that the surface crosses.
+    pub(crate) fn segments(&self) -> impl Iterator<Item = (usize, [usize; 2])> {
+        self.segments.iter().map(|s| (s.component as usize, s.at))
+    }
+
     /// Takes the viscous fluxes between values on different sides of the surface out of the rates (m/s2) of values at the positions `own`;
     /// `viscosity`: kinematic, m2/s.
     pub(crate) fn interrupt_fluxes(

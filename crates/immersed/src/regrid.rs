@@ -52,6 +52,7 @@ impl Flow {
         self.gather();
         self.release_arrays();
         let mut flow = Self::on_ranks(grid, self.settings, self.slabs().ranks().clone())?;
+        flow.set_subgrid_model(self.subgrid_model());
         for c in 0..3 {
             let lines = [0, 1, 2].map(|d| Interpolation::new(&self.grid, &flow.grid, c, d, origin[d]));
             let extent = |d: usize| flow.grid.axes[d].len() + usize::from(c == d);

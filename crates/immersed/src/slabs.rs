@@ -126,14 +126,19 @@ impl Slabs {
 
     /// Brings the planes next to the own ones from their ranks.
     pub fn exchange(&self, u: &mut Velocity) {
+        for values in u {
+            self.exchange_layers(values, GHOSTS);
+        }
+    }
+
+    /// Brings `layers` planes on each side of the own ones from their ranks.
+    pub fn exchange_layers(&self, values: &mut [f64], layers: usize) {
         if self.alone() {
             return;
         }
-        let (start, end, ghosts) = (self.own.start as isize, self.own.end as isize, GHOSTS as isize);
-        for values in u {
-            self.move_planes(true, values, end - ghosts..end, start - ghosts..start);
-            self.move_planes(false, values, start..start + ghosts, end..end + ghosts);
-        }
+        let (start, end, ghosts) = (self.own.start as isize, self.own.end as isize, layers as isize);
+        self.move_planes(true, values, end - ghosts..end, start - ghosts..start);
+        self.move_planes(false, values, start..start + ghosts, end..end + ghosts);
     }
 
     /// Brings the lower faces of the cells above the slab, which close the slab's own cells.

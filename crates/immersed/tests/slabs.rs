@@ -5,6 +5,7 @@ use std::sync::{Arc, Barrier, Mutex};
 
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
+use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, PredictedFluxes, PressureJumps, Settings};
 use immersed::free_edges::{EdgeFluxes, free_edges};
 use immersed::friction::Friction;
@@ -120,7 +121,13 @@ struct Outcome {
 }
 
 /// A surface that moves and is permeable, in a stream at an angle, over steps of several lengths and a new grid; all kinds of ends.
-fn run(ranks: Rc<dyn Ranks>, nodes: &[Vector3<f64>], faces: &[[u32; 3]], low: End) -> Outcome {
+fn run(
+    ranks: Rc<dyn Ranks>,
+    nodes: &[Vector3<f64>],
+    faces: &[[u32; 3]],
+    low: End,
+    model: Option<SubgridModel>,
+) -> Outcome {
     let axis = || Axis::stretched([-1.0, 1.0], 0.125, [1.0, 2.0], 1.3, 2);
     let open = Ends::Open([low, End::Outflow]);
     let grid = || Grid::new([Axis::even(-1.5, 1.5, 24), axis(), axis()], [Ends::Periodic, open, open]);
@@ -128,6 +135,7 @@ fn run(ranks: Rc<dyn Ranks>, nodes: &[Vector3<f64>], faces: &[[u32; 3]], low: En
     let far = Vector3::new(0.4, 0.3, 1.0);
     let settings = Settings { density: 1.2, far, momentum, tolerance: 1e-12 };
     let mut flow = Flow::on_ranks(grid(), settings, ranks).expect("slabs");
+    flow.set_subgrid_model(model);
     flow.perturb(0.1);
     let mut friction_forces = vec![0.0; 3 * faces.len()];
     let own: Vec<u32> = (0..faces.len() as u32).collect();
@@ -149,6 +157,7 @@ fn run(ranks: Rc<dyn Ranks>, nodes: &[Vector3<f64>], faces: &[[u32; 3]], low: En
         flow.slabs().ranks().sum(&mut friction_forces);
         figures = vec![flow.largest_rate(far), flow.largest_speed(far)];
         figures.extend(flow.pressure_range());
+        figures.push(flow.largest_eddy_rate(Some(&friction)));
         assert!(flow.largest_divergence() < 1e-11, "{}", flow.largest_divergence());
         if step == 3 {
             flow = flow.on_grid(grid(), Vector3::new(0.01, -0.02, 0.03)).expect("slabs");
@@ -177,13 +186,18 @@ fn compare(what: &str, one: &[f64], other: &[f64]) {
 fn any_number_of_ranks_computes_the_same_flow() {
     let plate = shapes::plate(6);
     let sphere = shapes::sphere(0.45, 2);
-    for (name, (nodes, faces), low) in
-        [("plate", &plate, End::Inflow), ("sphere", &sphere, End::Outflow), ("plate", &plate, End::Slip)]
-    {
-        let one = run(Rc::new(Alone), nodes, faces, low);
+    for (name, (nodes, faces), low, model) in [
+        ("plate", &plate, End::Inflow, None),
+        ("sphere", &sphere, End::Outflow, None),
+        ("plate", &plate, End::Slip, None),
+        ("plate", &plate, End::Inflow, Some(SubgridModel::Wale)),
+        ("sphere", &sphere, End::Slip, Some(SubgridModel::Smagorinsky)),
+    ] {
+        let one = run(Rc::new(Alone), nodes, faces, low, model);
+        assert_eq!(*one.figures.last().expect("figures") > 0.01, model.is_some());
         for size in [1, 2, 3, 5, 8] {
-            for end in on_threads(size, |ranks| run(ranks, nodes, faces, low)) {
-                println!("{name}, {low:?}, {size} ranks:");
+            for end in on_threads(size, |ranks| run(ranks, nodes, faces, low, model)) {
+                println!("{name}, {low:?}, {model:?}, {size} ranks:");
                 compare("velocity", &one.velocity, &end.velocity);
                 compare("pressure", &one.pressure, &end.pressure);
                 compare("jumps", &one.jumps, &end.jumps);

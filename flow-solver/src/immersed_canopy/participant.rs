@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Instant as Clock;
 
-use case::{Role, Scene, StageKind, StageTimes, Wind};
+use case::{Role, Scene, StageKind, StageTimes, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
+use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, Settings};
 use immersed::momentum::Momentum;
 use immersed::placement::Placement;
@@ -135,6 +136,18 @@ fn placement(g: &case::Immersed) -> Placement {
     }
 }
 
+/// The model of unresolved turbulence that a scene asks for.
+fn subgrid_model(air: &case::Flow) -> Result<Option<SubgridModel>, Fault> {
+    match air.viscosity.as_ref().and_then(|v| v.turbulence) {
+        None => Ok(None),
+        Some(Turbulence::Smagorinsky) => Ok(Some(SubgridModel::Smagorinsky)),
+        Some(Turbulence::Wale) => Ok(Some(SubgridModel::Wale)),
+        Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) => {
+            Err(Fault::new("the immersed flow has the turbulence models smagorinsky and wale only"))
+        }
+    }
+}
+
 impl ImmersedParticipant {
     fn new(
         scene: &Scene,
@@ -163,8 +176,10 @@ impl ImmersedParticipant {
             let (a, b) = p.coefficients();
             Permeability::new(a, b)
         });
+        let mut flow = Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?;
+        flow.set_subgrid_model(subgrid_model(air)?);
         Ok(Self {
-            flow: Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?,
+            flow,
             faces: share(surface.len(), ranks.rank(), ranks.size()),
             surface,
             structure,
@@ -220,6 +235,7 @@ impl ImmersedParticipant {
             Saved::load(file)?.parts(self.structure.n_canopy, vertices).map_err(unfit)?;
         let ranks = self.flow.slabs().ranks().clone();
         let mut flow = Flow::on_ranks(grid, self.flow.settings, ranks).map_err(Fault::new)?;
+        flow.set_subgrid_model(self.flow.subgrid_model());
         flow.restore(state).ok_or_else(|| unfit("is of another grid".into()))?;
         self.flow = flow;
         let Kinematics { origin, home, new_grids, .. } = motion;
@@ -276,7 +292,7 @@ impl ImmersedParticipant {
             if self.moving { self.grid.drift(&self.positions, relative.norm()) } else { Vector3::zeros() };
         let start = Start { origin: self.grid.origin, ..start };
         let at = (w.index, w.dt);
-        let mut open = OpenWindow::new(&self.flow, &self.surface, &start, at, [relative + drift, drift])
+        let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, [relative + drift, drift])
             .map_err(wrong)?;
         let jumps = match &self.last_cut {
             Some(last) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
@@ -324,6 +340,7 @@ impl Participant for ImmersedParticipant {
             "flow.immersed",
             "flow.gust",
             "flow.viscosity",
+            "flow.viscosity.turbulence",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
             channel::PERTURBATION,

@@ -98,10 +98,10 @@ pub struct Start<'a> {
     pub frame: Vector3<f64>,
 }
 
-/// Number of equal steps of a window of `dt` s. The stress of walls is implicit and does not shorten them.
-pub fn steps(flow: &Flow, dt: f64, courant: f64) -> usize {
+/// Number of equal steps of a window of `dt` s; `eddies`: rate of the eddy viscosity, 1/s. The stress of walls is implicit and does not shorten them.
+pub fn steps(flow: &Flow, dt: f64, courant: f64, eddies: f64) -> usize {
     let h = flow.grid.axes[0].spacing;
-    let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h);
+    let viscous = 12.0 * flow.settings.momentum.viscosity * dt / (h * h) + eddies * dt;
     // Not a number: one step, whose result is judged.
     (((courant + viscous) / MAX_COURANT).ceil().max(1.0) as usize).min(MAX_STEPS)
 }
@@ -166,7 +166,7 @@ impl OpenWindow {
     /// # Errors
     /// A node outside the even cells.
     pub fn new(
-        flow: &Flow,
+        flow: &mut Flow,
         surface: &CanopySurface,
         start: &Start<'_>,
         (index, dt): (u64, f64),
@@ -174,14 +174,17 @@ impl OpenWindow {
     ) -> Result<Self, OutsideCore> {
         let _part = timing::part("cut");
         let courant = flow.largest_rate(velocity) * dt;
-        let count = steps(flow, dt, courant);
         let spacing = flow.grid.axes[0].spacing;
-        let mut cuts = Vec::with_capacity(count);
         let mut nodes = Vec::new();
-        let mut predictions = Vec::with_capacity(count);
         let mut vertices = surface.vertices(start.positions, start.origin);
+        let mut predictions = vec![AroundCanopy::new(flow, surface, start, &vertices)?];
+        let eddies = flow.largest_eddy_rate(predictions[0].friction.as_ref());
+        let count = steps(flow, dt, courant, eddies);
+        let mut cuts = Vec::with_capacity(count);
         for step in 1..=count {
-            predictions.push(AroundCanopy::new(flow, surface, start, &vertices)?);
+            if step > 1 {
+                predictions.push(AroundCanopy::new(flow, surface, start, &vertices)?);
+            }
             let time = dt * step as f64 / count as f64;
             nodes = predicted(start, time, spacing);
             vertices = surface.vertices(&nodes, start.origin + drift * time);
@@ -293,5 +296,33 @@ impl OpenWindow {
         flow.accept(&cut.faces.rows, &jumps);
         flow.release_kept();
         Some(cut)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use immersed::axis::Axis;
+    use immersed::flow::Settings;
+    use immersed::grid::{End, Ends};
+    use immersed::momentum::Momentum;
+
+    use super::*;
+
+    /// A window of 0.1 s on cells of 0.1 m: by the Courant number, molecular viscosity and eddy viscosity, alone and together.
+    #[test]
+    fn eddy_viscosity_divides_a_window() {
+        let axis = || Axis::even(0.0, 0.4, 4);
+        let grid = Grid::new([axis(), axis(), axis()], [Ends::Open([End::Slip; 2]); 3]);
+        let flow = |viscosity: f64| {
+            let momentum = Momentum { upwind_share: 0.0, viscosity };
+            let settings = Settings { density: 1.0, far: Vector3::zeros(), momentum, tolerance: 1e-3 };
+            Flow::new(grid.clone(), settings)
+        };
+        // 12 nu dt / h^2 is 0.3 with the viscosity.
+        let (inviscid, viscous) = (flow(0.0), flow(0.0025));
+        let found =
+            [(0.3, 0.0), (0.3, 2.0), (0.0, 7.9), (0.0, 8.1)].map(|(c, e)| steps(&inviscid, 0.1, c, e));
+        assert_eq!(found, [1, 2, 2, 3]);
+        assert_eq!([0.9, 1.1, 5.1].map(|eddies| steps(&viscous, 0.1, 0.0, eddies)), [1, 2, 3]);
     }
 }

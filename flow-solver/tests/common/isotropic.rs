@@ -104,11 +104,42 @@ fn energies(u: &[Vec<Complex<f64>>; 3], n: usize) -> Vec<f64> {
     sums
 }
 
+/// Where the velocities of a field lie, and which divergence they have none of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Place {
+    /// All components at the centres of cells, the exact divergence.
+    Centres,
+    /// Each component on the lower face of its cell, the sum of the fluxes through its faces; a mirror image of itself at the ends along z.
+    Faces,
+}
+
+/// Entry of the mirror image along z of entry `i`, whose component lies on the faces along z (`on_face`) or not.
+pub fn mirrored(i: usize, n: usize, on_face: bool) -> usize {
+    let k = i / (n * n);
+    let image = if on_face { (n - k) % n } else { n - 1 - k };
+    image * n * n + i % (n * n)
+}
+
+impl Place {
+    /// Direction along which a wave of whole wave numbers `k` has divergence, and by how many turns its component along d is shifted.
+    fn of_wave(self, k: [f64; 3], n: usize) -> ([f64; 3], [f64; 3]) {
+        let turns = k.map(|k| -0.5 * k / n as f64);
+        match self {
+            Self::Centres => (k, [0.0; 3]),
+            Self::Faces => (k.map(|k| (PI * k / n as f64).sin()), turns),
+        }
+    }
+}
+
 /// Velocities without divergence, of random phases and the measured spectrum of the first station, m/s: cells along x first.
-fn random_field(n: usize) -> Vec<[f64; 3]> {
+pub fn random_field(n: usize, place: Place) -> Vec<[f64; 3]> {
     let mut noise = Noise(42);
-    let mut u: [Vec<Complex<f64>>; 3] = std::array::from_fn(|_| {
+    let mut u: [Vec<Complex<f64>>; 3] = std::array::from_fn(|d| {
         let mut values: Vec<_> = (0..n * n * n).map(|_| Complex::new(noise.next(), 0.0)).collect();
+        if place == Place::Faces {
+            let sign = if d == 2 { -1.0 } else { 1.0 };
+            (0..n * n * n / 2).for_each(|i| values[mirrored(i, n, false)] = values[i] * sign);
+        }
         transform(&mut values, n, false);
         values
     });
@@ -116,10 +147,12 @@ fn random_field(n: usize) -> Vec<[f64; 3]> {
         let k = wave(i, n);
         // The waves that a real field cannot tell from their opposites have no direction.
         let lost = shell(i, n).is_none() || k.iter().any(|k| 2.0 * k.abs() == n as f64);
-        let square = k.iter().map(|k| k * k).sum::<f64>().max(1.0);
+        let (k, turns) = place.of_wave(k, n);
+        let square = k.iter().map(|k| k * k).sum::<f64>().max(f64::MIN_POSITIVE);
         let along: Complex<f64> = (0..3).map(|d| u[d][i] * (k[d] / square)).sum();
         for d in 0..3 {
-            u[d][i] = if lost { Complex::default() } else { u[d][i] - along * k[d] };
+            let shift = Complex::new(0.0, 2.0 * PI * turns[d]).exp();
+            u[d][i] = if lost { Complex::default() } else { (u[d][i] - along * k[d]) * shift };
         }
     }
     let found = energies(&u, n);
@@ -170,7 +203,7 @@ pub fn at_start(n: usize, model: Model, upwind: f64) -> Solver<Isothermal, 4> {
     settings.moving = false;
     let mut s = model.solver(&grid, settings);
     s.spatial.upwind_share = upwind;
-    for (q, u) in s.q.iter_mut().zip(random_field(n)) {
+    for (q, u) in s.q.iter_mut().zip(random_field(n, Place::Centres)) {
         *q = [0.0, u[0], u[1], u[2]];
     }
     s.halo.exchange(s.q.as_flattened_mut(), 4);
@@ -192,8 +225,13 @@ pub fn at_start(n: usize, model: Model, upwind: f64) -> Solver<Isothermal, 4> {
 
 /// Spectrum of the resolved velocities by shells, m3/s2.
 pub fn spectrum(s: &Solver<Isothermal, 4>, n: usize) -> Vec<f64> {
+    spectrum_of(n, |d, i| s.q[i][1 + d])
+}
+
+/// Spectrum by shells, m3/s2, of the velocities `u` of each component and cell, along x first.
+pub fn spectrum_of(n: usize, u: impl Fn(usize, usize) -> f64) -> Vec<f64> {
     let u: [Vec<Complex<f64>>; 3] = std::array::from_fn(|d| {
-        let mut values: Vec<_> = s.q[..n * n * n].iter().map(|q| Complex::new(q[1 + d], 0.0)).collect();
+        let mut values: Vec<_> = (0..n * n * n).map(|i| Complex::new(u(d, i), 0.0)).collect();
         transform(&mut values, n, false);
         values
     });

@@ -138,7 +138,7 @@ pub struct Viscosity {
     /// Dynamic viscosity, Pa s.
     #[serde(default = "air_viscosity")]
     pub dynamic_viscosity_pa_s: f64,
-    /// Model of the unresolved turbulence. Absent: laminar.
+    /// Model of the unresolved turbulence. Absent: laminar. With `[flow.immersed]` `smagorinsky` or `wale`.
     pub turbulence: Option<Turbulence>,
     /// Friction of a turbulent flow on the canopy and on walls. Absent: `automatic` with `spalart-allmaras`, `des97` and `ddes`,
     /// `resolved` with `smagorinsky` and `wale`.

@@ -3,13 +3,13 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::StageKind;
+use super::{Flow, StageKind, Turbulence, WallTreatment};
 use crate::Scene;
 use crate::check::Check;
 
 /// A Cartesian grid through which the canopy moves, instead of one that is fitted to it: fabric may fold, touch itself and close its vents, and no
-/// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it (laminar only). The even
-/// cells around the canopy follow it; when it comes near their end, a new grid is made around it.
+/// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it; of the turbulence models it has
+/// `smagorinsky` and `wale`, without a law of the wall. The even cells around the canopy follow it; when it comes near their end, a new grid is made around it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Immersed {
@@ -59,14 +59,10 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
     const REMEDY: &str = "remove it, or [flow.immersed]";
+    turbulence(flow, c);
     let refused = [
         (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
         (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
-        (
-            flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some()),
-            "flow.viscosity.turbulence",
-            "the immersed flow has no turbulence model",
-        ),
         (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
         (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
         (flow.shear.is_some(), "flow.shear", "the immersed flow has the same wind at all heights"),
@@ -102,5 +98,24 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
         if !stage.body_motions.is_empty() {
             c.refuse(&format!("stage[{k}].body_motion"), "the immersed flow has no bodies", REMEDY);
         }
+    }
+}
+
+/// Refuses turbulence models and friction that this method does not have.
+fn turbulence(flow: &Flow, c: &mut Check) {
+    let Some(v) = &flow.viscosity else { return };
+    if let Some(Turbulence::SpalartAllmaras | Turbulence::Des97 | Turbulence::Ddes) = v.turbulence {
+        c.refuse(
+            "flow.viscosity.turbulence",
+            "the immersed flow has the turbulence models smagorinsky and wale only",
+            "use \"wale\", or remove [flow.immersed]",
+        );
+    }
+    if v.wall_treatment == Some(WallTreatment::Automatic) {
+        c.refuse(
+            "flow.viscosity.wall_treatment",
+            "the immersed flow has no law of the wall",
+            "remove it, or [flow.immersed]",
+        );
     }
 }
