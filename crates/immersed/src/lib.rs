@@ -10,7 +10,7 @@
 //! - [`pockets`]: air that a surface encloses in few cells,
 //! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`slabs`]: the part of a grid that each rank computes,
-//! - [`flow`]: a time step.
+//! - [`flow`], [`pressure_jumps`]: a time step.
 //!
 //! Why: `docs/decisions/0048-immersed-surfaces.md`.
 
@@ -27,7 +27,7 @@ pub mod momentum;
 pub mod placement;
 pub mod pockets;
 pub mod poisson;
-mod pressure_jumps;
+pub mod pressure_jumps;
 mod projection;
 mod regrid;
 pub mod shapes;

@@ -11,6 +11,45 @@ const MAX_ITERATIONS: usize = 500;
 /// Velocity relative to the largest one at a cut face below which a residual is round-off.
 const ROUND_OFF: f64 = 1e-13;
 
+/// Directions that a [`SolveHistory`] has at most.
+const MAX_DIRECTIONS: usize = 64;
+
+/// Search directions of earlier solutions of the same constraints in the same step, for other motions of the surface. The next solution starts from the
+/// last one, minimised along each direction in turn (Fischer, Comput. Methods Appl. Mech. Engrg. 163, 1998): the matrix is the same.
+#[derive(Clone, Debug, Default)]
+pub struct SolveHistory {
+    /// Directions one after the other, their products with the matrix, and the products of both.
+    directions: Vec<f64>,
+    products: Vec<f64>,
+    curvatures: Vec<f64>,
+    /// The last solution, and its product with the matrix.
+    jump: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl SolveHistory {
+    fn push(&mut self, direction: &[f64], product: &[f64], curvature: f64) {
+        if self.curvatures.len() < MAX_DIRECTIONS && curvature > 0.0 {
+            self.directions.extend_from_slice(direction);
+            self.products.extend_from_slice(product);
+            self.curvatures.push(curvature);
+        }
+    }
+
+    /// Improves the solution `x` with the residual `r`.
+    fn project(&self, x: &mut [f64], r: &mut [f64]) {
+        let n = x.len();
+        let pairs = self.directions.chunks_exact(n).zip(self.products.chunks_exact(n));
+        for ((direction, product), curvature) in pairs.zip(&self.curvatures) {
+            let step = direction.iter().zip(&*r).map(|(d, r)| d * r).sum::<f64>() / curvature;
+            for i in 0..n {
+                x[i] += step * direction[i];
+                r[i] -= step * product[i];
+            }
+        }
+    }
+}
+
 /// Arrays of the solutions, which all steps use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintWork {
@@ -24,8 +63,9 @@ pub(crate) struct ConstraintWork {
     /// Pressures of the own cells of the box, and of the plane below.
     pressure: Vec<f64>,
     below: Vec<f64>,
-    /// Pivots of the pressure equation above the box.
+    /// Pivots of the pressure equation above the box, and the end of the box along z to which they belong.
     closure: Vec<f64>,
+    closed_at: usize,
     /// Velocity through the cloth over its jump, times area, and diagonal of the system.
     leak: Vec<f64>,
     diagonal: Vec<f64>,
@@ -56,14 +96,15 @@ impl Flow {
     /// Multipliers of the constraints at the end of the step: pressure jumps, Pa. May be repeated.
     pub fn solve_constraints(&mut self, rows: &FluxConstraints) -> PressureJumps {
         let predicted = self.predicted_fluxes(rows);
-        self.solve_constraints_from(rows, &predicted)
+        self.solve_constraints_from(rows, &predicted, None)
     }
 
-    /// [`Self::solve_constraints`] with the fluxes of the predicted velocity.
+    /// [`Self::solve_constraints`] with the fluxes of the predicted velocity, and with what earlier solutions of the same rows in this step have left.
     pub fn solve_constraints_from(
         &mut self,
         rows: &FluxConstraints,
         predicted: &PredictedFluxes,
+        history: Option<&mut SolveHistory>,
     ) -> PressureJumps {
         if rows.is_empty() {
             return PressureJumps::default();
@@ -76,7 +117,7 @@ impl Flow {
         let mut jump = std::mem::take(&mut self.jump);
         let work = std::mem::take(&mut self.work);
         let mut constraint = Constraint::new(self, rows, work);
-        let (iterations, residual) = constraint.solve(&excess, &predicted.speeds, &mut jump);
+        let (iterations, residual) = constraint.solve(&excess, &predicted.speeds, &mut jump, history);
         self.work = constraint.work;
         self.jump.clone_from(&jump);
         PressureJumps { jump, iterations, residual }
@@ -130,7 +171,10 @@ struct Constraint<'a> {
 
 impl<'a> Constraint<'a> {
     fn new(flow: &'a mut Flow, rows: &'a FluxConstraints, mut work: ConstraintWork) -> Self {
-        flow.poisson.closure(&rows.cells[2], &mut work.closure);
+        if work.closed_at != rows.cells[2].end {
+            flow.poisson.closure(&rows.cells[2], &mut work.closure);
+            work.closed_at = rows.cells[2].end;
+        }
         let part = Part::share(&rows.cells, &flow.slabs);
         let (layout, length) = Layout::of_box(&rows.cells);
         let factor = flow.factor();
@@ -180,7 +224,13 @@ impl<'a> Constraint<'a> {
 
     /// Conjugate gradients from `x`; iterations and relative residual. `speeds`: largest one at the faces of each row, m/s, for the residual that is
     /// round-off.
-    fn solve(&mut self, b: &[f64], speeds: &[f64], x: &mut [f64]) -> (usize, f64) {
+    fn solve(
+        &mut self,
+        b: &[f64],
+        speeds: &[f64],
+        x: &mut [f64],
+        mut history: Option<&mut SolveHistory>,
+    ) -> (usize, f64) {
         let [mut q, mut r, mut d] = std::mem::take(&mut self.work.vectors);
         let diagonal = std::mem::take(&mut self.work.diagonal);
         let scale = |r: &[f64]| -> f64 { r.iter().zip(&diagonal).map(|(r, d)| r * r / d).sum() };
@@ -190,20 +240,21 @@ impl<'a> Constraint<'a> {
         q.resize(b.len(), 0.0);
         r.clear();
         r.extend_from_slice(b);
-        if x.iter().any(|x| *x != 0.0) {
-            self.apply(x, &mut q);
-            r.iter_mut().zip(&q).for_each(|(r, q)| *r -= q);
-        }
+        self.start(x, &mut q, &mut r, history.as_deref());
         let mut rho = scale(&r);
         d.clear();
         d.extend(r.iter().zip(&diagonal).map(|(r, m)| r / m));
         let mut iterations = 0;
         while rho > target && rho > 0.0 && iterations < MAX_ITERATIONS {
             self.apply(&d, &mut q);
-            let alpha = rho / d.iter().zip(&q).map(|(d, q)| d * q).sum::<f64>();
+            let curvature = d.iter().zip(&q).map(|(d, q)| d * q).sum::<f64>();
+            let alpha = rho / curvature;
             for i in 0..b.len() {
                 x[i] += alpha * d[i];
                 r[i] -= alpha * q[i];
+            }
+            if let Some(history) = &mut history {
+                history.push(&d, &q, curvature);
             }
             let before = rho;
             rho = scale(&r);
@@ -213,9 +264,31 @@ impl<'a> Constraint<'a> {
             }
             iterations += 1;
         }
+        if let Some(history) = history {
+            history.jump.clear();
+            history.jump.extend_from_slice(x);
+            history.product.clear();
+            history.product.extend(b.iter().zip(&r).map(|(b, r)| b - r));
+        }
         self.work.vectors = [q, r, d];
         self.work.diagonal = diagonal;
         (iterations, if first > round_off { (rho / first).sqrt() } else { 0.0 })
+    }
+
+    /// Takes the product of the first jumps with the matrix from the residual `r`. With a history they are the best ones that it has.
+    fn start(&mut self, x: &mut [f64], q: &mut [f64], r: &mut [f64], history: Option<&SolveHistory>) {
+        match history {
+            Some(history) if history.jump.len() == x.len() => {
+                x.copy_from_slice(&history.jump);
+                r.iter_mut().zip(&history.product).for_each(|(r, q)| *r -= q);
+                history.project(x, r);
+            }
+            _ if x.iter().any(|x| *x != 0.0) => {
+                self.apply(x, q);
+                r.iter_mut().zip(&*q).for_each(|(r, q)| *r -= q);
+            }
+            _ => {}
+        }
     }
 
     /// Square of the norm of residuals that are round-off.

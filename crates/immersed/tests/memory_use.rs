@@ -73,7 +73,7 @@ fn window(flow: &mut Flow, cut: &CutFaces, friction: &mut Friction, steps: usize
             jumps = match step {
                 0 => {
                     let fluxes = first.get_or_insert_with(|| flow.predicted_fluxes(&cut.rows));
-                    flow.solve_constraints_from(&cut.rows, fluxes)
+                    flow.solve_constraints_from(&cut.rows, fluxes, None)
                 }
                 _ => flow.solve_constraints(&cut.rows),
             };

@@ -243,7 +243,7 @@ impl Windows<'_> {
         }
         flow.start_from(Vec::new());
         let jumps = match fluxes {
-            Some(fluxes) => flow.solve_constraints_from(&cut.rows, fluxes),
+            Some(fluxes) => flow.solve_constraints_from(&cut.rows, fluxes, None),
             None => flow.solve_constraints(&cut.rows),
         };
         (cut, jumps)

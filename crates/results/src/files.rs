@@ -98,7 +98,7 @@ pub const RUN: &[ResultFile] = &[
         "{stage}/flow/flow_{number}_{rank}.vtu",
         FLOW,
         "`output.volume_every_windows`",
-        "Flow in the cells of a rank: pressure, velocities, Mach number, vorticity, Q criterion; with \
+        "Flow in the cells of a rank, or in planes of the Cartesian grid: pressure, velocities, Mach number, vorticity, Q criterion; with \
          `[flow.statistics]` means and fluctuations. VTK XML.",
     ),
     file("{stage}/probes.csv", FLOW, "each accepted window, with `[[flow.probe]]`", "Values at points, CSV."),

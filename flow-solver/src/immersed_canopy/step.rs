@@ -6,6 +6,7 @@ use immersed::flow::{Flow, PredictedFluxes, PressureJumps};
 use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
 use immersed::grid::Grid;
+use immersed::pressure_jumps::SolveHistory;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
@@ -68,6 +69,8 @@ pub struct OpenWindow {
     start_jumps: Vec<f64>,
     /// Predicted fluxes of the first step, once it is predicted.
     first: Option<PredictedFluxes>,
+    /// What the solutions of the constraints of each step have left for the next ones.
+    histories: Vec<SolveHistory>,
     /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
     pub courant: f64,
     pub speed: f64,
@@ -202,6 +205,7 @@ impl OpenWindow {
             face_of: surface.face_of.clone(),
             start_jumps: Vec::new(),
             first: None,
+            histories: vec![SolveHistory::default(); count],
             courant,
             speed,
             jumps: None,
@@ -244,9 +248,13 @@ impl OpenWindow {
             cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
             let jumps = {
                 let _part = timing::part("constraints");
+                let (rows, history) = (&cut.faces.rows, Some(&mut self.histories[step]));
                 match &self.first {
-                    Some(first) if step == 0 => flow.solve_constraints_from(&cut.faces.rows, first),
-                    _ => flow.solve_constraints(&cut.faces.rows),
+                    Some(first) if step == 0 => flow.solve_constraints_from(rows, first, history),
+                    _ => {
+                        let fluxes = flow.predicted_fluxes(rows);
+                        flow.solve_constraints_from(rows, &fluxes, history)
+                    }
                 }
             };
             solution.iterations += jumps.iterations;
