@@ -212,3 +212,39 @@ fn momentum_is_conserved_around_a_plate() {
         assert!(flow.largest_eddy_rate(None) > 0.01);
     }
 }
+
+/// Of a velocity that differs from face to face the strain has the squares of all twelve edges of a cell, each once: waves of few cells are seen in full.
+#[test]
+fn strain_has_every_edge_of_a_cell_once() {
+    let axis = |n: usize| Axis::stretched([-0.3, 0.3], 0.6 / n as f64, [0.3, 0.4], 1.2, 2);
+    let grid = Grid::new([axis(4), axis(5), axis(6)], [SLIP; 3]);
+    let mut flow = flow(grid, Vector3::zeros(), 0.0, SubgridModel::Smagorinsky);
+    set(&mut flow, |x| {
+        Vector3::new(9.0 * x.y - 71.0 * x.z, 83.0 * x.x + 57.0 * x.z, 91.0 * x.y * x.x).map(f64::sin)
+    });
+    flow.largest_eddy_rate(None);
+    let [nx, ny, _] = flow.grid.cells();
+    let found = flow.eddy_viscosities();
+    for cell in [[3usize, 3, 3], [4, 2, 5], [2, 5, 4]] {
+        let at = flow.grid.at(cell.map(|i| i as isize));
+        let s = flow.grid.strides;
+        let slope = |c: usize, d: usize, upper: usize, face: usize| {
+            (flow.velocity[c][upper] - flow.velocity[c][upper - s[d]]) / flow.grid.centre_distance(d, face)
+        };
+        let mut squares = 0.0;
+        for c in 0..3 {
+            let w = flow.grid.axes[c].widths[cell[c]];
+            squares += ((flow.velocity[c][at + s[c]] - flow.velocity[c][at]) / w).powi(2);
+            let d = (c + 1) % 3;
+            for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let upper = at + i * s[c] + j * s[d];
+                let shear = slope(c, d, upper, cell[d] + j) + slope(d, c, upper, cell[c] + i);
+                squares += 0.5 * 0.25 * shear * shear;
+            }
+        }
+        let volume: f64 = (0..3).map(|d| flow.grid.axes[d].widths[cell[d]]).product();
+        let exact = 0.17 * 0.17 * volume.powf(2.0 / 3.0) * (2.0 * squares).sqrt();
+        let value = found[(cell[2] * ny + cell[1]) * nx + cell[0]];
+        assert!((value / exact - 1.0).abs() < 1e-12, "{cell:?}: {value} {exact}");
+    }
+}
