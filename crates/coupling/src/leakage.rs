@@ -1,4 +1,4 @@
-//! Air that passes airtight cloth in an immersed flow: a warning where it is more than the answer bears.
+//! Air that passes airtight cloth in an immersed flow: a warning where it is more than the answer tolerates.
 //!
 //! Cloth that cuts a Cartesian grid is airtight to a small share of the stream ([`flow_stats::MASS_DEFECT`] over the density). The walls of a
 //! pocket that folded fabric encloses in few cells let air pass, because the grid does not resolve the pocket. The measure is the mean speed of that
