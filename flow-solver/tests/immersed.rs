@@ -78,6 +78,7 @@ fn immersed_flow_keeps_the_contract() {
     viscous_air_resists_a_canopy_that_slides(&comm);
     canopy_beyond_its_grid_gets_another(&comm);
     cloth_lets_air_pass(&comm);
+    laminar_flow_is_upwind_where_cells_do_not_resolve_it(&comm);
     damaged_state_is_refused(&comm);
 }
 
@@ -317,4 +318,18 @@ fn damaged_state_is_refused(comm: &Comm) {
     std::fs::write(&file, bytes).expect("written");
     let refused = participant(&scene, 0, Path::new("/nowhere"), Some(folder.path()), comm);
     assert!(refused.err().expect("refused").message.contains("flow.bin"));
+}
+
+/// Without a share of the scene: central where the cell Reynolds number is 20, upwind where it is 5e4; other equations have a fixed share.
+fn laminar_flow_is_upwind_where_cells_do_not_resolve_it(comm: &Comm) {
+    let thin = "[flow.viscosity]\ndynamic_viscosity_pa_s = 1.8e-5";
+    let chosen = format!("[flow.convection]\nupwind_share = 0.3\n{thin}");
+    let model = format!("{thin}\nturbulence = \"wale\"");
+    for (more, share) in [(VISCOUS, 0.0), (thin, 1.0), (&chosen, 0.3), (&model, 0.0), ("", 1.0)] {
+        let scene = scene(more);
+        let mut p = flow(comm, &scene, None);
+        let still = motion(&p, &scene, 0.0);
+        solve(&mut p, &window(0, 0, DT), &still);
+        assert_eq!(p.upwind_share(), share, "{more}");
+    }
 }

@@ -24,6 +24,17 @@ pub struct Momentum {
     pub viscosity: f64,
 }
 
+/// Largest cell Reynolds number of central differences in laminar flow, and that from which differences are upwind.
+const RESOLVED: f64 = 100.0;
+const UNRESOLVED: f64 = 1000.0;
+
+/// Upwind share in laminar flow with the largest cell Reynolds number `cell_reynolds`, $`|u| h / \nu`$: 0 up to 100, 1 from 1000 on, linear in its logarithm
+/// between. A central flux takes no energy from waves that the cells cannot resolve and viscosity does not damp: the flow around a plate at
+/// Re 1e5, on 8 cells across, is not finite after 24 diameters of stream (`docs/records/verification.md`).
+pub fn laminar_upwind_share(cell_reynolds: f64) -> f64 {
+    ((cell_reynolds / RESOLVED).ln() / (UNRESOLVED / RESOLVED).ln()).clamp(0.0, 1.0)
+}
+
 /// Flux through a face between the second and third of four values; `v`: velocity through it, `share`: upwind share over 12,
 /// `k`: viscosity over the distance of the middle values.
 #[inline(always)]
@@ -230,3 +241,16 @@ impl Pass<'_> {
 
 /// The layers that the fluxes need.
 const _: () = assert!(GHOSTS == 2);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn laminar_flow_is_upwind_where_cells_do_not_resolve_it() {
+        for (cell_reynolds, share) in [(0.0, 0.0), (100.0, 0.0), (1000.0, 1.0), (2.5e4, 1.0)] {
+            assert_eq!(laminar_upwind_share(cell_reynolds), share, "{cell_reynolds}");
+        }
+        assert!((laminar_upwind_share(10f64.powf(2.5)) - 0.5).abs() < 1e-12);
+    }
+}

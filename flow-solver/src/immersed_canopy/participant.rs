@@ -10,7 +10,7 @@ use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window
 use comm::Comm;
 use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, Settings};
-use immersed::momentum::Momentum;
+use immersed::momentum::{Momentum, laminar_upwind_share};
 use immersed::placement::Placement;
 use immersed::slabs::{Ranks, share};
 use mesh::StructureMesh;
@@ -38,6 +38,8 @@ pub struct ImmersedParticipant {
     faces: Range<usize>,
     structure: StructureMesh,
     flow: Flow,
+    /// Whether the upwind share follows from the cell Reynolds number of each window: in laminar flow without a share of the scene.
+    share_by_resolution: bool,
     grid: MovingGrid,
     /// Whether the canopy moves in this stage.
     moving: bool,
@@ -136,6 +138,11 @@ fn placement(g: &case::Immersed) -> Placement {
     }
 }
 
+/// Whether the air is viscous and has no model of turbulence.
+fn is_laminar(air: &case::Flow) -> bool {
+    air.viscosity.as_ref().is_some_and(|v| v.turbulence.is_none() && v.dynamic_viscosity_pa_s > 0.0)
+}
+
 /// The model of unresolved turbulence that a scene asks for.
 fn subgrid_model(air: &case::Flow) -> Result<Option<SubgridModel>, Fault> {
     match air.viscosity.as_ref().and_then(|v| v.turbulence) {
@@ -179,6 +186,7 @@ impl ImmersedParticipant {
         let mut flow = Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?;
         flow.set_subgrid_model(subgrid_model(air)?);
         Ok(Self {
+            share_by_resolution: is_laminar(air) && air.convection.upwind_share.is_none(),
             flow,
             faces: share(surface.len(), ranks.rank(), ranks.size()),
             surface,
@@ -291,6 +299,12 @@ impl ImmersedParticipant {
         let drift =
             if self.moving { self.grid.drift(&self.positions, relative.norm()) } else { Vector3::zeros() };
         let start = Start { origin: self.grid.origin, ..start };
+        if self.share_by_resolution {
+            let speed = self.flow.largest_speed(relative + drift);
+            let momentum = &mut self.flow.settings.momentum;
+            momentum.upwind_share =
+                laminar_upwind_share(speed * self.grid.placement.spacing / momentum.viscosity);
+        }
         let at = (w.index, w.dt);
         let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, [relative + drift, drift])
             .map_err(wrong)?;
@@ -303,6 +317,11 @@ impl ImmersedParticipant {
         open.start_from(&mut self.flow, jumps);
         self.open = Some(open);
         Ok(())
+    }
+
+    /// Share of upwind differences in the window that is solved.
+    pub fn upwind_share(&self) -> f64 {
+        self.flow.settings.momentum.upwind_share
     }
 
     fn stats(&self, open: &OpenWindow, solution: &Solution) -> [f64; channel::STATS] {

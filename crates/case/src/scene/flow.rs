@@ -247,7 +247,8 @@ pub struct Convection {
     /// Smallest share of upwind differences. 1: upwind everywhere. 0: central where grid and time step resolve the flow, which
     /// keeps eddies of few cells; upwind elsewhere, within three cells of the canopy and of walls, and in cells at the outer
     /// boundary. Absent: 0 in laminar flow and with `smagorinsky`, `wale`, `des97` and `ddes`; 1 in inviscid flow and with
-    /// `spalart-allmaras`, which resolve no small eddies.
+    /// `spalart-allmaras`, which resolve no small eddies. Absent in laminar flow with `[flow.immersed]`: 0 up to a largest cell Reynolds
+    /// number (speed times `spacing_m` over kinematic viscosity) of 100, 1 from 1000 on.
     pub upwind_share: Option<f64>,
 }
 
