@@ -20,6 +20,11 @@ fn flow(grid: Grid, viscosity: f64) -> Flow {
     Flow::new(grid, Settings { density: DENSITY, far: Vector3::zeros(), momentum, tolerance: 1e-8 })
 }
 
+/// Predicts a step of `dt` s around a surface without free edges.
+fn predict(flow: &mut Flow, dt: f64, friction: &mut Friction) {
+    flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(friction));
+}
+
 /// Sets each component to its value at a point.
 fn set(flow: &mut Flow, value: impl Fn(Vector3<f64>) -> Vector3<f64>) {
     let [nx, ny, nz] = flow.grid.cells();
@@ -59,7 +64,7 @@ fn plane_couette_flow_is_kept() {
         friction.set_velocities(&faces, &velocities);
         let none = CutFaces::default();
         for _ in 0..20 {
-            flow.predict_around(0.002, Vector3::zeros(), &EdgeFluxes::default(), Some(&mut friction));
+            predict(&mut flow, 0.002, &mut friction);
             let jumps = flow.solve_constraints(&none.rows);
             flow.accept(&none.rows, &jumps);
         }
@@ -102,7 +107,7 @@ fn oscillating_plate(n: usize, shift: f64) -> [f64; 2] {
     for k in 1..=steps {
         let t = dt * k as f64;
         friction.set_velocities(&faces, &vec![along * (omega * t).cos(); nodes.len()]);
-        flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(&mut friction));
+        predict(&mut flow, dt, &mut friction);
         let jumps = flow.solve_constraints(&cut.rows);
         flow.accept(&cut.rows, &jumps);
         if k > steps / 2 {
@@ -188,12 +193,7 @@ fn rotating_cylinder(n: usize) -> [f64; 3] {
     let steps = (1.5 * viscosity / (0.03 * h * h)).ceil() as usize;
     let mut torques = [0.0; 2];
     for _ in 0..steps {
-        flow.predict_around(
-            1.5 / steps as f64,
-            Vector3::zeros(),
-            &EdgeFluxes::default(),
-            Some(&mut friction),
-        );
+        predict(&mut flow, 1.5 / steps as f64, &mut friction);
         let jumps = flow.solve_constraints(&cut.rows);
         flow.accept(&cut.rows, &jumps);
         let mut forces = vec![Vector3::zeros(); nodes.len()];
