@@ -55,7 +55,8 @@ fn immersed_descent_balances_and_resumes_bitwise() {
     let text = std::fs::read_to_string(a.join("summary.json")).expect("a summary");
     let summary: serde_json::Value = serde_json::from_str(&text).expect("JSON");
     let leakage = summary["stages"][0]["largest_leakage_share"].as_f64().expect("a share");
-    assert!((1e-7..1e-3).contains(&leakage), "{leakage:e}");
+    println!("leakage {leakage:e} of stream and motion");
+    assert!((8e-6..1.6e-5).contains(&leakage), "{leakage:e}");
     let iterations = history.column("coupling_iterations");
     assert!(iterations.iter().sum::<f64>() < 12.0 * 8.0, "{iterations:?}");
 

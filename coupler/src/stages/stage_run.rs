@@ -434,6 +434,9 @@ impl<'c, 'p> StageRun<'c, 'p> {
     /// Of an immersed canopy: air that passes airtight cloth, after the bounds know the speeds of the window.
     fn leakage_warning(&mut self, row: &Row) -> Option<String> {
         let flow = self.context.scene.flow.as_ref().filter(|flow| flow.is_immersed())?;
+        if !self.context.description().kind.roles().contains(&Role::Flow) {
+            return None;
+        }
         let area = self.context.interface.sizes.fabric_area;
         let defect = flow_bounds::flow_statistics(&row.report.stats)[flow_stats::MASS_DEFECT];
         let share = leakage::share(defect, flow.density_kg_m3, area, self.flow_bounds?.speed());

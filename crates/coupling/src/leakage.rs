@@ -9,7 +9,8 @@
 //!
 //! [`flow_stats::MASS_DEFECT`]: channel::flow_stats::MASS_DEFECT
 
-/// Share of the stream that may pass. The drag of a canopy falls by about twice the share that passes through it.
+/// Share of the stream that may pass. Dynamic pressure goes with the square of the speed of the air that does not pass, so that 2 % of the drag are
+/// at stake (an estimate; not measured).
 const LARGEST: f64 = 1e-2;
 /// Speed below which air is still, and nothing is judged, m/s.
 const STILL: f64 = 1e-3;
@@ -23,8 +24,9 @@ pub fn share(defect: f64, density: f64, area: f64, speed: f64) -> f64 {
 pub fn warning(before: f64, share: f64) -> Option<String> {
     (before <= LARGEST && share > LARGEST).then(|| {
         format!(
-            "air passes airtight cloth at {:.2} % of the speed of stream and canopy, above {} % [flow.leakage]: folds enclose pockets of at most 64 \
-             cells, which leak; reduce flow.immersed.spacing_m",
+            "air passes airtight cloth at {:.2} % of the speed of stream and canopy, above {} % [flow.leakage]. Likely causes: folds that enclose \
+             pockets of at most 64 cells, which leak, or a stream that starts at once. Remedies: a smaller flow.immersed.spacing_m, a flow-only stage \
+             before this one",
             100.0 * share,
             100.0 * LARGEST
         )

@@ -181,6 +181,18 @@ impl Flow {
         self.slabs.exchange(&mut self.velocity);
     }
 
+    /// Sets each component of the velocity, m/s, to its `value` at its place, m.
+    pub fn set_velocity(&mut self, value: impl Fn(Vector3<f64>) -> Vector3<f64>) {
+        for cell in cells_of(&self.grid.all_cells()) {
+            let at = self.grid.at(cell.map(|i| i as isize));
+            for c in 0..3 {
+                let x = Vector3::from_fn(|d, _| self.grid.coordinate(c, d, cell[d]));
+                self.velocity[c][at] = value(x)[c];
+            }
+        }
+        self.fill_ghosts();
+    }
+
     /// Adds a velocity of `share` of the far field's across the stream in a ball around the origin, so that a symmetric wake need not wait for
     /// round-off.
     pub fn perturb(&mut self, share: f64) {

@@ -17,6 +17,8 @@ use nalgebra::Vector3;
 use crate::cut_faces::{OutsideCore, scaled_positions};
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
+use crate::poisson::Box3;
+use crate::projection::cells_of;
 
 /// Distance from a free edge at which the upwind share begins to fall, and where it ends, in cells.
 const FULL: f64 = 1.0;
@@ -56,7 +58,7 @@ pub struct EdgeFluxes {
 /// Distances from the nearest edge at places of the same kind, one in each cell of a box.
 struct Distances {
     /// Cells of the box, counted from the first of the core.
-    cells: [Range<isize>; 3],
+    cells: Box3,
     /// Place in a cell, in cells.
     place: Vector3<f64>,
     /// Squares, in cells.
@@ -64,13 +66,13 @@ struct Distances {
 }
 
 impl Distances {
-    fn new(cells: &[Range<isize>; 3], place: Vector3<f64>) -> Self {
+    fn new(cells: &Box3, place: Vector3<f64>) -> Self {
         let count = cells.iter().map(ExactSizeIterator::len).product();
         Self { cells: cells.clone(), place, squares: vec![f64::INFINITY; count] }
     }
 
-    fn index(&self, cell: [isize; 3]) -> usize {
-        let i = [0, 1, 2].map(|d| (cell[d] - self.cells[d].start) as usize);
+    fn index(&self, cell: [usize; 3]) -> usize {
+        let i = [0, 1, 2].map(|d| cell[d] - self.cells[d].start);
         (i[2] * self.cells[1].len() + i[1]) * self.cells[0].len() + i[0]
     }
 
@@ -87,21 +89,13 @@ impl Distances {
     }
 }
 
-/// Cells of a box.
-fn cells_of(cells: &[Range<isize>; 3]) -> impl Iterator<Item = [isize; 3]> {
-    let [x, y, z] = cells.clone();
-    z.flat_map(move |k| {
-        let x = x.clone();
-        y.clone().flat_map(move |j| x.clone().map(move |i| [i, j, k]))
-    })
-}
-
 /// Cells of the box `within` that have places within [`END`] of the edge from `a` to `b`.
-fn near(within: &[Range<isize>; 3], a: Vector3<f64>, b: Vector3<f64>) -> [Range<isize>; 3] {
+fn near(within: &Box3, a: Vector3<f64>, b: Vector3<f64>) -> Box3 {
     [0, 1, 2].map(|d| {
         let low = (a[d].min(b[d]) - END).floor() as isize - 1;
         let high = (a[d].max(b[d]) + END).ceil() as isize + 1;
-        low.max(within[d].start)..high.min(within[d].end)
+        let inside = |i: isize| (i.max(0) as usize).clamp(within[d].start, within[d].end);
+        inside(low)..inside(high)
     })
 }
 
@@ -114,7 +108,7 @@ impl EdgeFluxes {
     pub fn new(grid: &Grid, positions: &[Vector3<f64>], edges: &[[u32; 2]]) -> Result<Self, OutsideCore> {
         let mut found = Self { fluxes: Vec::new(), spacing: grid.axes[0].spacing };
         let scaled = scaled_positions(grid, positions)?;
-        let core = [0, 1, 2].map(|d| 0..grid.axes[d].core.len() as isize);
+        let core = [0, 1, 2].map(|d| 0..grid.axes[d].core.len());
         let beyond = |a: &Vector3<f64>, b: &Vector3<f64>| {
             (0..3).any(|d| a[d].max(b[d]) < 0.0 || a[d].min(b[d]) > core[d].end as f64)
         };
@@ -147,7 +141,7 @@ impl EdgeFluxes {
             if share == 0.0 {
                 continue;
             }
-            let mut above = [0, 1, 2].map(|i| grid.axes[i].core.start as isize + cell[i]);
+            let mut above = [0, 1, 2].map(|i| (grid.axes[i].core.start + cell[i]) as isize);
             if c == d {
                 above[d] += 1;
             }
@@ -262,9 +256,9 @@ mod tests {
         };
         let (mut at_edge, mut away, mut sum) = (0, 0, 0.0);
         for c in 0..3 {
-            for cell in cells_of(&grid.all_cells().map(|r| r.start as isize + 1..r.end as isize)) {
-                let at = grid.at(cell);
-                let x = Vector3::from_fn(|d, _| grid.coordinate(c, d, cell[d] as usize));
+            for cell in cells_of(&grid.all_cells().map(|r| r.start + 1..r.end)) {
+                let at = grid.at(cell.map(|i| i as isize));
+                let x = Vector3::from_fn(|d, _| grid.coordinate(c, d, cell[d]));
                 let flux =
                     |d: usize, side: f64| distance(x + Vector3::ith(d, side * 0.5 * grid.axes[0].spacing));
                 let around: Vec<f64> = (0..3).flat_map(|d| [flux(d, -1.0), flux(d, 1.0)]).collect();

@@ -2,7 +2,7 @@
 //!
 //! - [`axis`], [`grid`], [`placement`]: cells around a surface and the layout of staggered arrays,
 //! - [`momentum`]: convection and viscous stress,
-//! - [`eddy_viscosity`]: models of the eddies that cells do not resolve,
+//! - [`eddy_viscosity`]: models of the eddies that cells do not resolve, and their stress,
 //! - [`poisson`]: the pressure equation,
 //! - [`cut_faces`], [`constraints`]: surfaces, and what they prescribe on the faces that they cut,
 //! - [`friction`]: no slip on surfaces in viscous flow,
@@ -17,6 +17,7 @@
 pub mod axis;
 pub mod constraints;
 pub mod cut_faces;
+mod eddy_stress;
 pub mod eddy_viscosity;
 pub mod face_transfer;
 pub mod flow;

@@ -21,19 +21,6 @@ fn flow(grid: Grid, far: Vector3<f64>, viscosity: f64, model: SubgridModel) -> F
     flow
 }
 
-/// Sets each component to its value at a point.
-fn set(flow: &mut Flow, value: impl Fn(Vector3<f64>) -> Vector3<f64>) {
-    let [nx, ny, nz] = flow.grid.cells();
-    for c in 0..3 {
-        for (k, j, i) in (0..nz).flat_map(|k| (0..ny).flat_map(move |j| (0..nx).map(move |i| (k, j, i)))) {
-            let x = Vector3::from_fn(|d, _| flow.grid.coordinate(c, d, [i, j, k][d]));
-            let at = flow.grid.at([i, j, k].map(|i| i as isize));
-            flow.velocity[c][at] = value(x)[c];
-        }
-    }
-    flow.fill_ghosts();
-}
-
 /// The law of Nicoud and Ducros (1999), equations 10 and 13, by strain and rotation instead of the squared gradient.
 fn wale(g: &Matrix3<f64>) -> f64 {
     let (s, o) = ((g + g.transpose()) * 0.5, (g - g.transpose()) * 0.5);
@@ -53,7 +40,7 @@ fn ratios(g: Matrix3<f64>, model: SubgridModel, expected: f64) -> [f64; 2] {
     let axis = |h: f64| Axis::stretched([-0.3, 0.3], h, [0.5, 0.7], 1.25, 2);
     let grid = Grid::new([axis(0.1), axis(0.12), axis(0.09)], [SLIP; 3]);
     let mut flow = flow(grid, Vector3::zeros(), 0.0, model);
-    set(&mut flow, |x| g * x + Vector3::new(3.0, -2.0, 1.0));
+    flow.set_velocity(|x| g * x + Vector3::new(3.0, -2.0, 1.0));
     flow.largest_eddy_rate(None);
     let [nx, ny, nz] = flow.grid.cells();
     let mut ends = [f64::MAX, f64::MIN];
@@ -104,7 +91,7 @@ fn largest_rate_is_that_of_the_cell() {
     let grid = Grid::new(axes, [Ends::Periodic, SLIP, SLIP]);
     let mut flow = flow(grid, Vector3::zeros(), 0.0, SubgridModel::Smagorinsky);
     assert_eq!(flow.largest_eddy_rate(None), 0.0);
-    set(&mut flow, |x| Vector3::new(x.y, 0.0, 0.0) * 3.0);
+    flow.set_velocity(|x| Vector3::new(x.y, 0.0, 0.0) * 3.0);
     let filter = (0.1f64 * 0.2 * 0.25).powf(2.0 / 3.0);
     let exact = 4.0 * 0.17 * 0.17 * filter * 3.0 * (100.0 + 25.0 + 16.0);
     let found = flow.largest_eddy_rate(None);
@@ -134,7 +121,7 @@ fn jump_across_a_surface_is_no_strain() {
             let grid = Grid::new([axis(), axis(), axis()], [SLIP; 3]);
             let mut flow = flow(grid, Vector3::zeros(), 0.01, model);
             let (inside, outside) = (Vector3::new(1.0, -0.5, 0.7), Vector3::zeros());
-            set(&mut flow, |x| if (turn.inverse() * x).amax() < 0.5 * size { inside } else { outside });
+            flow.set_velocity(|x| if (turn.inverse() * x).amax() < 0.5 * size { inside } else { outside });
             let friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
             let across = flow.largest_eddy_rate(None);
             let found = flow.largest_eddy_rate(Some(&friction));
@@ -219,7 +206,7 @@ fn strain_has_every_edge_of_a_cell_once() {
     let axis = |n: usize| Axis::stretched([-0.3, 0.3], 0.6 / n as f64, [0.3, 0.4], 1.2, 2);
     let grid = Grid::new([axis(4), axis(5), axis(6)], [SLIP; 3]);
     let mut flow = flow(grid, Vector3::zeros(), 0.0, SubgridModel::Smagorinsky);
-    set(&mut flow, |x| {
+    flow.set_velocity(|x| {
         Vector3::new(9.0 * x.y - 71.0 * x.z, 83.0 * x.x + 57.0 * x.z, 91.0 * x.y * x.x).map(f64::sin)
     });
     flow.largest_eddy_rate(None);

@@ -414,7 +414,8 @@ impl Participant for ImmersedParticipant {
         if !forces.chain(&values).all(|x| x.is_finite()) {
             open.reject(&mut self.flow);
             let words = format!(
-                "window {} (t = {:.4} s): flow: the immersed flow diverged; shorten window_s, or raise flow.immersed.spacing_m",
+                "window {} (t = {:.4} s): flow: the immersed flow diverged; shorten window_s, set flow.convection.upwind_share = 1, or \
+                 raise flow.immersed.spacing_m",
                 w.index, w.time
             );
             if self.is_root() {
