@@ -116,7 +116,7 @@ fn crumpled_canopies_are_solved() {
 }
 
 #[test]
-#[ignore = "nightly: 10 minutes"]
+#[ignore = "nightly: 25 minutes"]
 fn a_thousand_crumpled_canopies_are_solved() {
     crumpled(1000);
 }

@@ -78,6 +78,7 @@ fn immersed_flow_keeps_the_contract() {
     viscous_air_resists_a_canopy_that_slides(&comm);
     canopy_beyond_its_grid_gets_another(&comm);
     cloth_lets_air_pass(&comm);
+    faces_receive_what_the_air_loses(&comm);
     laminar_flow_is_upwind_where_cells_do_not_resolve_it(&comm);
     damaged_state_is_refused(&comm);
 }
@@ -304,6 +305,40 @@ fn cloth_lets_air_pass(comm: &Comm) {
     // All air at 4 m/s through the net: (a + b U) U A.
     let through = (1e-3 + 1e-3 * FALL) * FALL * 4.0;
     assert!((net / through - 1.0).abs() < 0.05, "{net} {through}");
+}
+
+/// A bowl in a viscous stream: the faces receive the force that the air loses, also the part that the steps of the grid take along the surface. On
+/// slip they do not receive that part.
+fn faces_receive_what_the_air_loses(comm: &Comm) {
+    for (viscosity, windows) in [(VISCOUS, 400), ("", 120)] {
+        let scene = scene(viscosity);
+        let mut p = flow(comm, &scene, None);
+        let mesh = mesh::structure_mesh(&scene).expect("a mesh");
+        let bowl = |x: &[f64; 3]| [-0.3 * x[0], -0.3 * x[1], -0.6 * (x[0] * x[0] + x[1] * x[1])];
+        let bowl: Vec<f64> = mesh.coords[..mesh.n_canopy].iter().flat_map(bowl).collect();
+        let [mut lost, mut received, mut along] = [0.0; 3];
+        for k in 0..windows {
+            let share = (k as f64 / 100.0).min(1.0);
+            let displacement: Vec<f64> = bowl.iter().map(|d| share * d).collect();
+            let (_, stats) = solve(&mut p, &window(k, 0, DT), &displacement);
+            let before = p.mean_force_along().z;
+            p.accept(&window(k, 0, DT)).expect("accepted");
+            if k >= 250 {
+                lost += p.losses_of_air().iter().map(|f| f.z).sum::<f64>();
+                received += stats.values[flow_stats::FORCE + 2];
+                along += before;
+            }
+        }
+        if viscosity.is_empty() {
+            assert_eq!(p.mean_force_along().norm(), 0.0);
+        } else {
+            let [share, along] = [received / lost, along / lost];
+            println!(
+                "faces receive {share:.5} of the force that the air loses, {along:.4} along the surface"
+            );
+            assert!((share - 1.0).abs() < 2e-3 && (0.09..0.13).contains(&along), "{share} {along}");
+        }
+    }
 }
 
 fn damaged_state_is_refused(comm: &Comm) {

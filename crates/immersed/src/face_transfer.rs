@@ -7,9 +7,13 @@
 //! w_{rf} = s_{rf}\, W_r \cdot n_f, \qquad
 //! b_r = W_r \cdot V + \sum_f w_{rf}\, n_f \cdot (\bar v_f - V), \qquad F_f = n_f \sum_r w_{rf}\, \lambda_r,
 //! ```
-//! so that the power on the faces in the frame of the grid, $`\sum_f F_f \cdot (\bar v_f - V)`$, is that which the air loses, to round-off. The force that the air loses along the
-//! surface at the steps is an error of the grid; it does not act on the faces. With it as a load, light cloth would have the inertia of air also along
-//! its surface (`docs/decisions/0050-immersed-canopy-in-the-flow-solver.md`).
+//! so that the power on the faces in the frame of the grid, $`\sum_f F_f \cdot (\bar v_f - V)`$, is that which the air loses, to round-off. The rest of the
+//! force that the air loses acts along the surface, at the steps:
+//! ```math
+//! T_f = \sum_r s_{rf}\, (W_r - n_f\, n_f \cdot W_r)\, \lambda_r .
+//! ```
+//! On slip it is an error of the grid; with friction it is what the steps take of that. As a load of the same instant it would give light cloth the
+//! inertia of air also along its surface; its mean over time does not (`docs/decisions/0058-force-along-immersed-fabric.md`).
 //! Faces may be smaller or larger than cells: the load on a face follows its area, not the number of lines that cross it.
 
 use nalgebra::Vector3;
@@ -33,7 +37,7 @@ const MAX_INTERVALS: usize = 200;
 pub struct FaceTransfer {
     /// First entry of each row; one more than rows.
     offsets: Vec<usize>,
-    /// Face and its weight $`w_{rf}`$, m2.
+    /// Face and its share $`s_{rf}`$.
     entries: Vec<(u32, f64)>,
     /// Unit normals of the faces.
     normals: Vec<Vector3<f64>>,
@@ -79,22 +83,27 @@ impl FaceTransfer {
         let total: f64 = areas.iter().map(|(_, area)| area).sum();
         let alone = [(nearest, 1.0)];
         let (areas, total) = if total > 0.0 { (areas, total) } else { (&alone[..], 1.0) };
-        let normals = &self.normals;
-        self.entries
-            .extend(areas.iter().map(|(f, area)| (*f, area / total * weight.dot(&normals[*f as usize]))));
+        self.entries.extend(areas.iter().map(|(f, area)| (*f, area / total)));
         self.offsets.push(self.entries.len());
         self.weights.push(weight);
     }
 
-    fn of_row(&self, row: usize) -> &[(u32, f64)] {
+    /// Faces of a row with their shares of it.
+    fn shares(&self, row: usize) -> &[(u32, f64)] {
         &self.entries[self.offsets[row]..self.offsets[row + 1]]
+    }
+
+    /// Faces of a row with their weights $`w_{rf}`$, m2.
+    fn of_row(&self, row: usize) -> impl Iterator<Item = (u32, f64)> {
+        let weight = &self.weights[row];
+        self.shares(row).iter().map(|(f, share)| (*f, share * weight.dot(&self.normals[*f as usize])))
     }
 
     /// Fluxes of the rows, m3/s, for the mean velocities of the faces on a grid that moves with the velocity `grid`, m/s.
     pub fn fluxes(&self, velocities: &[Vector3<f64>], grid: Vector3<f64>, fluxes: &mut [f64]) {
         let through = |f: u32| self.normals[f as usize].dot(&(velocities[f as usize] - grid));
         for (row, flux) in fluxes.iter_mut().enumerate() {
-            let relative: f64 = self.of_row(row).iter().map(|(f, w)| w * through(*f)).sum();
+            let relative: f64 = self.of_row(row).map(|(f, w)| w * through(f)).sum();
             *flux = self.weights[row].dot(&grid) + relative;
         }
     }
@@ -103,7 +112,18 @@ impl FaceTransfer {
     pub fn add_forces(&self, jumps: &[f64], forces: &mut [Vector3<f64>]) {
         for (row, jump) in jumps.iter().enumerate() {
             for (face, weight) in self.of_row(row) {
-                forces[*face as usize] += self.normals[*face as usize] * (jump * weight);
+                forces[face as usize] += self.normals[face as usize] * (jump * weight);
+            }
+        }
+    }
+
+    /// Adds the forces $`T_f`$ along the faces, N, for the pressure jumps of the rows, Pa.
+    pub fn add_forces_along(&self, jumps: &[f64], forces: &mut [Vector3<f64>]) {
+        for (row, jump) in jumps.iter().enumerate() {
+            let weight = self.weights[row];
+            for (face, share) in self.shares(row) {
+                let normal = self.normals[*face as usize];
+                forces[*face as usize] += (weight - normal * normal.dot(&weight)) * (jump * share);
             }
         }
     }
@@ -242,6 +262,28 @@ mod tests {
             assert!((power - lost).abs() < 1e-12 * lost.abs().max(1.0), "{level}: {power} {lost}");
             for (f, force) in forces.iter().enumerate() {
                 assert!(force.cross(&area(&c, f).normalize()).norm() < 1e-12, "{level}: face {f}");
+            }
+        }
+    }
+
+    /// Normal forces and those along the faces are all that the air loses, in each face and in sum.
+    #[test]
+    fn forces_along_the_faces_complete_what_the_air_loses() {
+        for level in [1, 3, 5] {
+            let c = sphere(32, level);
+            let jumps: Vec<f64> = (0..c.cut.rows.len()).map(|r| 1.0 + (r as f64).sin()).collect();
+            let zero = vec![Vector3::zeros(); c.faces.len()];
+            let (mut normal, mut along) = (zero.clone(), zero);
+            c.transfer.add_forces(&jumps, &mut normal);
+            c.transfer.add_forces_along(&jumps, &mut along);
+            let lost: Vector3<f64> =
+                jumps.iter().enumerate().map(|(r, jump)| c.cut.rows.weight_by_axis(r) * *jump).sum();
+            let sum: Vector3<f64> = normal.iter().chain(&along).sum();
+            assert!((sum - lost).norm() < 1e-12, "{level}: {sum} {lost}");
+            let largest = along.iter().map(|f| f.norm()).fold(0.0, f64::max);
+            assert!(largest > 0.0);
+            for (f, force) in along.iter().enumerate() {
+                assert!(force.dot(&area(&c, f).normalize()).abs() < 1e-12 * largest, "{level}: face {f}");
             }
         }
     }

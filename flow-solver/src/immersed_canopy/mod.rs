@@ -8,6 +8,7 @@
 //! Each rank computes a slab of the grid along z; all of them know the canopy and where it cuts the grid.
 
 mod canopy;
+mod force_along;
 mod moving_grid;
 mod participant;
 mod ranks;

@@ -8,20 +8,22 @@ use std::time::Instant as Clock;
 use case::{Role, Scene, StageKind, StageTimes, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
+use immersed::constraints::FluxConstraints;
 use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, Settings};
 use immersed::momentum::{Momentum, laminar_upwind_share};
-use immersed::placement::Placement;
+use immersed::placement::{Placement, bounds};
 use immersed::slabs::{Ranks, share};
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
+use super::force_along::MeanForceAlong;
 use super::moving_grid::MovingGrid;
 use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
-use super::step::{Cut, OpenWindow, Solution, Start};
+use super::step::{AroundCanopy, Cut, OpenWindow, Solution, Start};
 use crate::physics::Permeability;
 
 /// Residual of the constraints relative to that without pressure jumps, in units of `flow.solver.residual_drop`.
@@ -51,10 +53,14 @@ pub struct ImmersedParticipant {
     velocities: Vec<Vector3<f64>>,
     /// Accepted velocity of the frame, m/s.
     frame: Vector3<f64>,
-    /// The last accepted cut and the vertices of its surface in the grid.
-    last_cut: Option<Cut>,
+    /// Cut and prediction of the last accepted step, and the vertices of the surface in the grid at its end.
+    last: Option<(Cut, AroundCanopy)>,
     /// Pressure jumps there, Pa.
     last_jumps: Vec<f64>,
+    /// Mean force of the air along the fabric until the last accepted window.
+    along: MeanForceAlong,
+    /// Friction on the canopy in the last accepted window, N.
+    last_friction: Vector3<f64>,
     vertices: Vec<Vector3<f64>>,
     open: Option<OpenWindow>,
     /// Input of the last solution: positions, and the velocity of the frame.
@@ -189,6 +195,7 @@ impl ImmersedParticipant {
             share_by_resolution: is_laminar(air) && air.convection.upwind_share.is_none(),
             flow,
             faces: share(surface.len(), ranks.rank(), ranks.size()),
+            along: MeanForceAlong::zero(surface.len()),
             surface,
             structure,
             grid,
@@ -199,8 +206,9 @@ impl ImmersedParticipant {
             positions: begin.positions,
             velocities: begin.velocities,
             frame: begin.frame,
-            last_cut: None,
+            last: None,
             last_jumps: Vec::new(),
+            last_friction: Vector3::zeros(),
             vertices: Vec::new(),
             open: None,
             trial: None,
@@ -247,6 +255,14 @@ impl ImmersedParticipant {
         flow.restore(state).ok_or_else(|| unfit("is of another grid".into()))?;
         self.flow = flow;
         let Kinematics { origin, home, new_grids, .. } = motion;
+        if motion.along.len() != self.surface.len() {
+            return Err(unfit(format!(
+                "has {} faces, this canopy {}",
+                motion.along.len(),
+                self.surface.len()
+            )));
+        }
+        self.along = MeanForceAlong(motion.along);
         self.grid = MovingGrid { placement: self.grid.placement, origin, home, new_grids };
         self.frame = motion.frame;
         if with_canopy {
@@ -259,7 +275,7 @@ impl ImmersedParticipant {
             if self.last_jumps.len() != cut.faces.rows.len() {
                 return Err(unfit("has pressure jumps of another canopy".into()));
             }
-            self.last_cut = Some(cut);
+            self.last = Some((cut, AroundCanopy::default()));
             self.vertices = motion.vertices;
         }
         Ok(())
@@ -287,7 +303,7 @@ impl ImmersedParticipant {
         let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
         if !self.grid.contains(&self.flow.grid, &all) {
             self.grid.follow(&mut self.flow, &all, -relative).map_err(Fault::new)?;
-            (self.last_cut, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
+            (self.last, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
             if self.is_root() {
                 let [x, y, z] = self.flow.grid.cells();
                 println!(
@@ -306,10 +322,11 @@ impl ImmersedParticipant {
                 laminar_upwind_share(speed * self.grid.placement.spacing / momentum.viscosity);
         }
         let at = (w.index, w.dt);
-        let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, [relative + drift, drift])
+        let motion = [relative + drift, drift];
+        let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, motion, self.last.as_ref())
             .map_err(wrong)?;
-        let jumps = match &self.last_cut {
-            Some(last) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
+        let jumps = match &self.last {
+            Some((last, _)) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
             None => Vec::new(),
         };
         let floor = LINEAR_CLOTH * self.flow.settings.density * relative.norm_squared();
@@ -317,6 +334,32 @@ impl ImmersedParticipant {
         open.start_from(&mut self.flow, jumps);
         self.open = Some(open);
         Ok(())
+    }
+
+    /// Takes the force along the fabric at the end of an accepted window of `dt` s, in air that meets the grid at `velocity` (m/s), into its mean.
+    fn update_force_along(&mut self, dt: f64, velocity: Vector3<f64>) {
+        let viscosity = self.flow.settings.momentum.viscosity;
+        let Some((cut, _)) = self.last.as_ref().filter(|_| viscosity > 0.0) else { return };
+        let mut forces = vec![Vector3::zeros(); self.surface.len()];
+        cut.transfer.add_forces_along(&self.last_jumps, &mut forces);
+        let cell = velocity.norm() * self.grid.placement.spacing / viscosity;
+        let resolved = 1.0 - laminar_upwind_share(cell);
+        forces.iter_mut().for_each(|f| *f *= resolved);
+        let [low, high] = bounds(&self.positions);
+        self.along.update(&forces, dt, (high - low).amax() / velocity.norm());
+    }
+
+    /// What the air lost in the last accepted window, N: by pressure at all cut faces, in all directions, and by friction.
+    pub fn losses_of_air(&self) -> [Vector3<f64>; 2] {
+        let of_rows = |rows: &FluxConstraints| -> Vector3<f64> {
+            self.last_jumps.iter().enumerate().map(|(r, jump)| rows.weight_by_axis(r) * *jump).sum()
+        };
+        [self.last.iter().map(|(cut, _)| of_rows(&cut.faces.rows)).sum(), self.last_friction]
+    }
+
+    /// Mean force of the air along the fabric, N: a part of the load in the next window.
+    pub fn mean_force_along(&self) -> Vector3<f64> {
+        self.along.0.iter().sum()
     }
 
     /// Share of upwind differences in the window that is solved.
@@ -407,7 +450,8 @@ impl Participant for ImmersedParticipant {
         let moved = positions.iter().zip(&self.positions);
         let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
         let mut open = self.open.take().expect("just opened");
-        let solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
+        let mut solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
+        self.along.add_to(&mut solution.forces);
         self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
         let mut values = self.stats(&open, &solution);
         let forces = solution.forces.iter().flatten();
@@ -450,8 +494,11 @@ impl Participant for ImmersedParticipant {
             *v = (x - start) / open.dt;
         }
         (self.positions, self.frame) = (positions, end);
-        self.last_cut = open.accept(&mut self.flow);
+        let (dt, velocity) = (open.dt, open.velocity);
+        self.last_friction = open.friction();
+        self.last = open.accept(&mut self.flow);
         self.last_jumps = self.flow.jumps().to_vec();
+        self.update_force_along(dt, velocity);
         self.time = w.time + w.dt;
         Ok(())
     }
@@ -462,6 +509,7 @@ impl Participant for ImmersedParticipant {
             positions: self.positions.clone(),
             velocities: self.velocities.clone(),
             vertices: self.vertices.clone(),
+            along: self.along.0.clone(),
             origin: self.grid.origin,
             home: self.grid.home,
             new_grids: self.grid.new_grids,

@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 const KIND: [u8; 8] = *b"RIPIMMER";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// One axis of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -38,6 +38,8 @@ pub struct Saved<'a> {
     pub velocities: Vec<[f64; 3]>,
     /// Vertices of the last cut in coordinates of the grid, m; empty before the first.
     pub vertices: Vec<[f64; 3]>,
+    /// Mean force of the air along each face of the canopy, N.
+    pub along: Vec<[f64; 3]>,
     /// Origin of the grid, and place of the middle of the canopy in it, m.
     pub origin: [f64; 3],
     pub home: [f64; 3],
@@ -51,6 +53,7 @@ pub struct Kinematics {
     pub positions: Vec<Vector3<f64>>,
     pub velocities: Vec<Vector3<f64>>,
     pub vertices: Vec<Vector3<f64>>,
+    pub along: Vec<Vector3<f64>>,
     pub origin: Vector3<f64>,
     pub home: Vector3<f64>,
     pub new_grids: u32,
@@ -97,6 +100,7 @@ impl<'a> Saved<'a> {
             positions: rows(&motion.positions),
             velocities: rows(&motion.velocities),
             vertices: rows(&motion.vertices),
+            along: rows(&motion.along),
             origin: motion.origin.into(),
             home: motion.home.into(),
             new_grids: motion.new_grids,
@@ -114,6 +118,7 @@ impl<'a> Saved<'a> {
             positions: vectors(&self.positions),
             velocities: vectors(&self.velocities),
             vertices: vectors(&self.vertices),
+            along: vectors(&self.along),
             origin: self.origin.into(),
             home: self.home.into(),
             new_grids: self.new_grids,
@@ -131,10 +136,11 @@ impl<'a> Saved<'a> {
         if !finite(&self.velocity) || !finite(&self.rates) || !self.jump.iter().all(|j| j.is_finite()) {
             return Err("has velocities that are not finite numbers or not of its grid".into());
         }
-        let all = motion.positions.iter().chain(&motion.velocities).chain(&motion.vertices);
+        let all =
+            motion.positions.iter().chain(&motion.velocities).chain(&motion.vertices).chain(&motion.along);
         if !all.chain([&motion.origin, &motion.home, &motion.frame]).all(|x| x.iter().all(|x| x.is_finite()))
         {
-            return Err("has positions that are not finite numbers".into());
+            return Err("has positions or forces that are not finite numbers".into());
         }
         let three = |u: Cow<'_, [Vec<f64>]>| Velocity::try_from(u.into_owned()).expect("three components");
         let flow = FlowState {

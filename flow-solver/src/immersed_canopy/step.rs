@@ -26,6 +26,10 @@ pub struct Cut {
     pub faces: CutFaces,
     /// Connection with the faces of the canopy.
     pub transfer: FaceTransfer,
+    /// Area of the cloth of each row, m2.
+    areas: Vec<f64>,
+    /// Vertices of the surface, m.
+    vertices: Vec<Vector3<f64>>,
 }
 
 impl Cut {
@@ -36,14 +40,27 @@ impl Cut {
     pub fn new(grid: &Grid, surface: &CanopySurface, vertices: &[Vector3<f64>]) -> Result<Self, OutsideCore> {
         let faces = CutFaces::new(grid, vertices, &surface.triangles, 1.0)?;
         let transfer = FaceTransfer::new(grid, vertices, &surface.triangles, &surface.face_of, &faces)?;
-        Ok(Self { faces, transfer })
+        Ok(Self { areas: faces.rows.permeability.clone(), vertices: vertices.to_vec(), faces, transfer })
+    }
+
+    /// That of the `last` step where the surface has not moved in the grid since, else a new one.
+    fn from_last(
+        last: Option<&Self>,
+        grid: &Grid,
+        surface: &CanopySurface,
+        vertices: &[Vector3<f64>],
+    ) -> Result<Self, OutsideCore> {
+        match last.filter(|last| last.vertices == vertices) {
+            Some(last) => Ok(last.clone()),
+            None => Self::new(grid, surface, vertices),
+        }
     }
 
     /// Sets what passes through the cloth: nothing, or as at the last pressure jumps. `floor`: jump below which the law is linear, Pa.
     pub fn set_cloth(&mut self, cloth: Option<Permeability>, jumps: &[f64], floor: f64) {
-        for (r, area) in self.faces.rows.permeability.iter_mut().enumerate() {
+        for (r, (of_row, area)) in self.faces.rows.permeability.iter_mut().zip(&self.areas).enumerate() {
             let jump = jumps.get(r).copied().unwrap_or(0.0).abs().max(floor);
-            *area *= cloth.map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
+            *of_row = area * cloth.map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
         }
     }
 }
@@ -120,8 +137,10 @@ pub fn predicted(start: &Start<'_>, time: f64, spacing: f64) -> Vec<Vector3<f64>
 }
 
 /// What the canopy does in the prediction of a step.
-#[derive(Default)]
-struct AroundCanopy {
+#[derive(Clone, Debug, Default)]
+pub struct AroundCanopy {
+    /// Vertices of the surface, m.
+    vertices: Vec<Vector3<f64>>,
     /// Fluxes near its free edges.
     edges: EdgeFluxes,
     /// Friction; `None` without viscosity.
@@ -131,20 +150,28 @@ struct AroundCanopy {
 }
 
 impl AroundCanopy {
-    /// Of the canopy with `vertices` in coordinates of the grid, m, at the velocities of the start.
+    /// Of the canopy with `vertices` in coordinates of the grid, m, at the velocities of the start. `last`: that of the step before.
     fn new(
+        last: Option<&Self>,
         flow: &Flow,
         surface: &CanopySurface,
         start: &Start<'_>,
         vertices: &[Vector3<f64>],
     ) -> Result<Self, OutsideCore> {
         let momentum = flow.settings.momentum;
-        let mut around = Self::default();
+        let last = last.filter(|last| last.vertices == vertices);
+        let mut around = Self { vertices: vertices.to_vec(), ..Self::default() };
         if momentum.upwind_share < 1.0 {
-            around.edges = EdgeFluxes::new(&flow.grid, vertices, &surface.free_edges)?;
+            around.edges = match last.filter(|last| !last.edges.is_empty()) {
+                Some(last) => last.edges.clone(),
+                None => EdgeFluxes::new(&flow.grid, vertices, &surface.free_edges)?,
+            };
         }
         if momentum.viscosity > 0.0 {
-            let mut friction = Friction::new(&flow.grid, vertices, &surface.triangles)?;
+            let mut friction = match last.and_then(|last| last.friction.clone()) {
+                Some(friction) => friction,
+                None => Friction::new(&flow.grid, vertices, &surface.triangles)?,
+            };
             friction.set_velocities(&surface.triangles, &surface.vertices(start.velocities, -start.frame));
             around.friction = Some(friction);
         }
@@ -164,7 +191,8 @@ impl AroundCanopy {
 }
 
 impl OpenWindow {
-    /// Opens a window of `count` steps: the canopy cuts the grid where its nodes are expected.
+    /// Opens a window: the canopy cuts the grid where its nodes are expected. `last`: cut and prediction of the last step before it, which hold on
+    /// where the canopy rests in the grid.
     ///
     /// # Errors
     /// A node outside the even cells.
@@ -174,24 +202,29 @@ impl OpenWindow {
         start: &Start<'_>,
         (index, dt): (u64, f64),
         [velocity, drift]: [Vector3<f64>; 2],
+        last: Option<&(Cut, AroundCanopy)>,
     ) -> Result<Self, OutsideCore> {
         let _part = timing::part("cut");
         let courant = flow.largest_rate(velocity) * dt;
         let spacing = flow.grid.axes[0].spacing;
         let mut nodes = Vec::new();
         let mut vertices = surface.vertices(start.positions, start.origin);
-        let mut predictions = vec![AroundCanopy::new(flow, surface, start, &vertices)?];
+        let mut predictions =
+            vec![AroundCanopy::new(last.map(|(_, around)| around), flow, surface, start, &vertices)?];
         let eddies = flow.largest_eddy_rate(predictions[0].friction.as_ref());
         let count = steps(flow, dt, courant, eddies);
-        let mut cuts = Vec::with_capacity(count);
+        let mut cuts: Vec<Cut> = Vec::with_capacity(count);
         for step in 1..=count {
             if step > 1 {
-                predictions.push(AroundCanopy::new(flow, surface, start, &vertices)?);
+                let around = AroundCanopy::new(predictions.last(), flow, surface, start, &vertices)?;
+                predictions.push(around);
             }
             let time = dt * step as f64 / count as f64;
             nodes = predicted(start, time, spacing);
             vertices = surface.vertices(&nodes, start.origin + drift * time);
-            cuts.push(Cut::new(&flow.grid, surface, &vertices)?);
+            let before = cuts.last().or(last.map(|(cut, _)| cut));
+            let cut = Cut::from_last(before, &flow.grid, surface, &vertices)?;
+            cuts.push(cut);
         }
         let speed = flow.largest_speed(velocity);
         Ok(Self {
@@ -288,6 +321,12 @@ impl OpenWindow {
         }
     }
 
+    /// Mean friction on the canopy over the steps that were predicted, N.
+    pub fn friction(&self) -> Vector3<f64> {
+        let of_step = |p: &AroundCanopy| p.friction_forces.iter().sum::<Vector3<f64>>();
+        self.predictions.iter().map(of_step).sum::<Vector3<f64>>() / self.predictions.len() as f64
+    }
+
     /// Returns the flow to the start of the window.
     pub fn reject(&mut self, flow: &mut Flow) {
         if self.cuts.len() > 1 {
@@ -297,13 +336,13 @@ impl OpenWindow {
         self.jumps = None;
     }
 
-    /// Ends the window with its last solution; returns the last cut. `None` where there is no solution.
-    pub fn accept(mut self, flow: &mut Flow) -> Option<Cut> {
+    /// Ends the window with its last solution; returns cut and prediction of the last step. `None` where there is no solution.
+    pub fn accept(mut self, flow: &mut Flow) -> Option<(Cut, AroundCanopy)> {
         let _part = timing::part("projection");
-        let (jumps, cut) = (self.jumps?, self.cuts.pop()?);
+        let (jumps, cut, around) = (self.jumps?, self.cuts.pop()?, self.predictions.pop()?);
         flow.accept(&cut.faces.rows, &jumps);
         flow.release_kept();
-        Some(cut)
+        Some((cut, around))
     }
 }
 
