@@ -9,6 +9,7 @@ use comm::Comm;
 
 use crate::boundary_values::BoundaryValues;
 use crate::error::FlowError;
+use crate::handover;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
 use crate::physics::{
@@ -193,6 +194,9 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         let mut solver = started(setup, comm, gas, viscosity)?;
         if let Some(v) = setup.flow.viscosity.as_ref().filter(|_| viscosity.transported()) {
             solver.set_turbulence(transported(&solver, v, setup.flow.density_kg_m3));
+        }
+        if let Some(file) = &setup.handover {
+            handover::start_fitted(&mut solver, setup.settings.wind, file)?;
         }
         if let Some(file) = &setup.source {
             restore(&mut solver, setup, file, totals)?;

@@ -16,3 +16,4 @@ mod state;
 mod step;
 
 pub use participant::{ImmersedParticipant, participant};
+pub(crate) use state::Saved;

@@ -22,6 +22,7 @@ use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
 use super::step::{Cut, OpenWindow, Solution, Start};
+use crate::handover;
 use crate::physics::Permeability;
 
 /// Residual of the constraints relative to that without pressure jumps, in units of `flow.solver.residual_drop`.
@@ -51,6 +52,8 @@ pub struct ImmersedParticipant {
     velocities: Vec<Vector3<f64>>,
     /// Accepted velocity of the frame, m/s.
     frame: Vector3<f64>,
+    /// Whether it is unknown, for the state of a fitted grid does not have it: the first window sets it to that at its end.
+    frame_is_unknown: bool,
     /// The last accepted cut and the vertices of its surface in the grid.
     last_cut: Option<Cut>,
     /// Pressure jumps there, Pa.
@@ -87,12 +90,17 @@ pub fn participant(
     let begin = Begin::of(scene, stage, out, &structure)?;
     let ranks = Rc::new(FlowRanks(comm.clone()));
     let mut participant = ImmersedParticipant::new(scene, stage, out, (structure, surface), begin, ranks)?;
-    let source = match resume {
-        Some(folder) => Some(case::state_file(folder, Role::Flow)),
-        None => scene.source_state(out, stage, Role::Flow),
-    };
-    if let Some(file) = source {
-        participant.restore(&file, resume.is_some() || !moved_since(scene, stage))?;
+    let state = |folder: &Path| case::state_file(folder, Role::Flow);
+    match (resume, scene.source_stage(stage, Role::Flow)) {
+        (Some(folder), _) => participant.restore(&state(folder), true)?,
+        (None, Some(source)) if !scene.is_immersed(&scene.stages[source]) => {
+            participant.start_from_fitted(scene, source, out)?;
+        }
+        (None, Some(source)) => {
+            let file = state(&case::state_folder(out, scene, source));
+            participant.restore(&file, !moved_since(scene, stage))?;
+        }
+        (None, None) => {}
     }
     if resume.is_some() {
         participant.snapshots = Snapshots::resume(&case::stage_folder(out, scene, stage));
@@ -199,6 +207,7 @@ impl ImmersedParticipant {
             positions: begin.positions,
             velocities: begin.velocities,
             frame: begin.frame,
+            frame_is_unknown: false,
             last_cut: None,
             last_jumps: Vec::new(),
             vertices: Vec::new(),
@@ -231,6 +240,13 @@ impl ImmersedParticipant {
         std::fs::create_dir_all(folder)
             .and_then(|()| std::fs::write(&file, text))
             .map_err(|e| Fault::new(format!("cannot write {}: {e}", file.display())))
+    }
+
+    /// Starts from the flow that stage `source` left on its fitted grid.
+    fn start_from_fitted(&mut self, scene: &Scene, source: usize, out: &Path) -> Result<(), Fault> {
+        self.frame_is_unknown = true;
+        let wind = self.wind.at(0.0).into();
+        handover::start_immersed(&mut self.flow, (self.grid.origin, wind), (scene, source, out))
     }
 
     /// Continues from the state in `file`; `with_canopy`: from its canopy too.
@@ -273,6 +289,9 @@ impl ImmersedParticipant {
 
     /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
     fn open(&mut self, w: &Window) -> Result<(), Fault> {
+        if std::mem::take(&mut self.frame_is_unknown) {
+            self.frame = w.frame_velocity.into();
+        }
         let wrong = |e| {
             Fault::new(format!("window {} (t = {:.4} s): {e}; raise flow.immersed.room", w.index, w.time))
         };
