@@ -52,8 +52,9 @@ pub struct ImmersedParticipant {
     velocities: Vec<Vector3<f64>>,
     /// Accepted velocity of the frame, m/s.
     frame: Vector3<f64>,
-    /// Whether it is unknown, for the state of a fitted grid does not have it: the first window sets it to that at its end.
-    frame_is_unknown: bool,
+    /// Whether the next window is the first after a start from a fitted grid, whose state does not have the velocity of the frame: the window sets it to that at
+    /// its end.
+    starts_up: bool,
     /// The last accepted cut and the vertices of its surface in the grid.
     last_cut: Option<Cut>,
     /// Pressure jumps there, Pa.
@@ -207,7 +208,7 @@ impl ImmersedParticipant {
             positions: begin.positions,
             velocities: begin.velocities,
             frame: begin.frame,
-            frame_is_unknown: false,
+            starts_up: false,
             last_cut: None,
             last_jumps: Vec::new(),
             vertices: Vec::new(),
@@ -244,7 +245,7 @@ impl ImmersedParticipant {
 
     /// Starts from the flow that stage `source` left on its fitted grid.
     fn start_from_fitted(&mut self, scene: &Scene, source: usize, out: &Path) -> Result<(), Fault> {
-        self.frame_is_unknown = true;
+        self.starts_up = true;
         let wind = self.wind.at(0.0).into();
         handover::start_immersed(&mut self.flow, (self.grid.origin, wind), (scene, source, out))
     }
@@ -289,7 +290,7 @@ impl ImmersedParticipant {
 
     /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
     fn open(&mut self, w: &Window) -> Result<(), Fault> {
-        if std::mem::take(&mut self.frame_is_unknown) {
+        if self.starts_up {
             self.frame = w.frame_velocity.into();
         }
         let wrong = |e| {
@@ -335,6 +336,22 @@ impl ImmersedParticipant {
         open.set_cloth(self.cloth, &jumps, floor.max(f64::MIN_POSITIVE));
         open.start_from(&mut self.flow, jumps);
         self.open = Some(open);
+        Ok(())
+    }
+
+    /// In the first window after a start from a fitted grid: solves the window once and opens it again with the result, so that the velocity becomes one
+    /// without divergence around the moving canopy. The change acts on no canopy.
+    fn start_up(&mut self, w: &Window, face_velocities: &[Vector3<f64>]) -> Result<(), Fault> {
+        if !self.starts_up {
+            return Ok(());
+        }
+        if let Some(mut open) = self.open.take() {
+            open.solve(&mut self.flow, face_velocities);
+            self.last_cut = open.accept(&mut self.flow);
+            self.last_jumps = self.flow.jumps().to_vec();
+        }
+        self.open(w)?;
+        self.starts_up = false;
         Ok(())
     }
 
@@ -425,8 +442,10 @@ impl Participant for ImmersedParticipant {
         };
         let moved = positions.iter().zip(&self.positions);
         let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
+        let velocities = self.surface.means(&velocities);
+        self.start_up(w, &velocities)?;
         let mut open = self.open.take().expect("just opened");
-        let solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
+        let solution = open.solve(&mut self.flow, &velocities);
         self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
         let mut values = self.stats(&open, &solution);
         let forces = solution.forces.iter().flatten();
