@@ -7,13 +7,16 @@ use ripstop_tests::{History, changed_scene, ripstop_run, succeed};
 
 const STAGES: [&str; 3] = ["descent", "fitted", "back"];
 
-/// The small descent on 16 immersed cells across, with a fitted stage and another immersed one after it, 10 windows each.
+/// The small descent on 16 immersed cells across, with a fitted stage and another immersed one after it, 10 windows each. All in a wind downwards, which changes
+/// nothing but the frame of reference.
 fn both_methods(folder: &Path) -> PathBuf {
     let short = "duration_s = 0.05\nwindow_s = 5e-3\nsubsteps = 10\n";
     let stage =
         |name: &str, more: &str| format!("\n[[stage]]\nname = \"{name}\"\nkind = \"coupled\"\n{more}{short}");
     let stages = short.to_owned() + &stage("fitted", "flow_method = \"fitted\"\n") + &stage("back", "");
     let changes = [
+        ("[flow.solver]\n", "[flow]\nwind_m_s = [0.0, 0.0, -1.0]\n\n[flow.solver]\n"),
+        ("initial_speed_m_s = 4.0", "initial_speed_m_s = 5.0"),
         ("[flow.grid]\n", "[flow.immersed]\nspacing_m = 0.125\n\n[flow.grid]\n"),
         ("duration_s = 0.2\nwindow_s = 2e-2\n", "duration_s = 0.6\nwindow_s = 2e-2\n"),
         ("duration_s = 0.1\nwindow_s = 5e-3\nsubsteps = 10\n", &stages),
@@ -76,7 +79,7 @@ fn flow_method_changes_between_stages() {
     for (stage, history) in STAGES.iter().zip(&histories).skip(1) {
         let [one, two] = [history, &History::read(&ranks, stage)].map(|h| h.column("drag_n"));
         let errors: Vec<f64> = one.iter().zip(&two).map(|(a, b)| (a / b - 1.0).abs()).collect();
-        println!("{stage} on two ranks: drag differs by {errors:.1e?}");
-        assert!(errors.iter().all(|e| *e < 0.03), "{stage}: {errors:?}");
+        println!("{stage} on two ranks: drag differs by {errors:?}");
+        assert!(errors.iter().all(|e| *e < 1e-3), "{stage}: {errors:?}");
     }
 }

@@ -28,7 +28,9 @@ pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<St
         lines.push(format!("  {state} {:<28} {} ({})", effect.key, effect.what, effect.role.program()));
     }
     if scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
-        lines.push(coupling(scene));
+        let mut both: Vec<String> = scene.views(first).iter().map(coupling).collect();
+        both.dedup();
+        lines.extend(both);
     }
     lines
 }
@@ -40,8 +42,8 @@ pub fn stage(scene: &Scene, at: usize) -> String {
     let both = scene.views(0).len() > 1 && stage.kind.roles().contains(&Role::Flow);
     let method = match scene.discretisation(stage) {
         _ if !both => "",
-        Discretisation::Fitted => " on a fitted grid",
-        Discretisation::Immersed => " with an immersed canopy",
+        Discretisation::Fitted => ", fitted grid",
+        Discretisation::Immersed => ", immersed canopy",
     };
     format!("  {}. {}: {}{method}; {}", at + 1, stage.name, what(scene, stage), time(stage))
 }

@@ -253,6 +253,31 @@ mod tests {
         assert!((sum - total).amax() < 1e-11 * sum.amax(), "{sum} {total}");
     }
 
+    /// The control volume of a component lies around its face: a cell that fills it takes its value, one that is a cell of the grid the mean of two.
+    #[test]
+    fn control_volumes_lie_around_the_faces() {
+        let axis = || Axis::even(-1.0, 1.0, 8);
+        let grid = Grid::new([axis(), axis(), axis()], [Ends::Open([End::Slip; 2]); 3]);
+        let origin = Point::new(0.1, 0.2, -0.3);
+        let velocity = velocity_of(&grid, origin);
+        let donor = ImmersedField::new(&grid, &velocity, origin);
+        let cell = |low: Point| {
+            [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+                .map(|(x, y, z)| low + 0.25 * Point::new(f64::from(x), f64::from(y), f64::from(z)))
+        };
+        for c in 0..3 {
+            let index = [3, 4, 5];
+            let at = grid.at(index);
+            let corner = origin + Point::from_fn(|d, _| grid.axes[d].faces[index[d] as usize]);
+            let mut around = corner;
+            around[c] -= 0.125;
+            let mean = |low: Point| donor.integral(&cell(low))[c] / 0.25f64.powi(3);
+            assert!((mean(around) - velocity[c][at]).abs() < 1e-12, "{c}");
+            let between = 0.5 * (velocity[c][at] + velocity[c][at + grid.strides[c]]);
+            assert!((mean(corner) - between).abs() < 1e-12, "{c}");
+        }
+    }
+
     /// A uniform velocity arrives unchanged, at every face that the cells surround.
     #[test]
     fn uniform_velocity_is_kept() {
