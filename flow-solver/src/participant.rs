@@ -43,8 +43,8 @@ pub struct FlowParticipant<G, const N: usize> {
     watched: Watched,
     /// Window of the last flow solve that is not accepted yet, and its length, s.
     solved_window: Option<(u64, f64)>,
-    /// Whether the next window is the first after a start from an immersed flow.
-    starts_up: bool,
+    /// Unknowns from which the first window after a start from an immersed flow begins, until it is accepted.
+    handed_over: Option<Vec<[f64; N]>>,
     /// Why the last flow solve failed.
     failure: Option<Fault>,
     /// Whether the log says that steps end at round-off.
@@ -207,6 +207,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         if let Some(file) = &setup.source {
             restore(&mut solver, setup, file, totals)?;
         }
+        let handed_over = setup.handover.as_ref().map(|_| solver.previous[0].q.clone());
         let mut participant = Self {
             loads: Loads::new(&solver),
             monitors: Monitors::new(setup, &solver)?,
@@ -219,7 +220,7 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
             march: setup.march,
             watched: setup.watched.clone(),
             solved_window: None,
-            starts_up: setup.handover.is_some(),
+            handed_over,
             failure: None,
             round_off_reported: false,
         };
@@ -303,13 +304,13 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
     /// one before in the wind of its start, so that pressure and velocity become those of the fitted grid around the moving canopy. Their change acts
     /// on no canopy. Collective.
     fn start_up(&mut self, w: &Window, step: &Step) -> Result<(), FlowError> {
-        if !std::mem::take(&mut self.starts_up) {
-            return Ok(());
-        }
+        let Some(q) = &self.handed_over else { return Ok(()) };
+        self.solver.restart_with(q);
         self.set_wind(w, [0.0; 3]);
         for _ in 0..START_UP_SOLVES {
             self.solver.advance(step)?;
-            self.solver.return_with_solution();
+            let solution = self.solver.q.clone();
+            self.solver.restart_with(&solution);
         }
         Ok(())
     }
@@ -402,7 +403,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         let step = Step { dt: w.dt, frame, repeat, moved: self.moved };
         (self.solved_window, self.failure) = (None, None);
         self.solver.set_boundary_time(w.time + w.dt);
-        let started = self.start_up(w, &step);
+        let started = if repeat { Ok(()) } else { self.start_up(w, &step) };
         self.set_wind(w, [w.dt, 0.0, -self.solver.step_before(w.dt)]);
         let outcome = match &self.march {
             None => started
@@ -437,6 +438,7 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
             let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
             return Err(self.failure.take().unwrap_or_else(none));
         }
+        self.handed_over = None;
         // A march has accepted its steps.
         if self.march.is_none() {
             self.solver.accept(w.dt, self.moved);

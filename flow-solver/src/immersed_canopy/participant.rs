@@ -9,7 +9,7 @@ use case::{Role, Scene, StageKind, StageTimes, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 use immersed::eddy_viscosity::SubgridModel;
-use immersed::flow::{Flow, Settings};
+use immersed::flow::{Flow, FlowState, Settings};
 use immersed::momentum::{Momentum, laminar_upwind_share};
 use immersed::placement::Placement;
 use immersed::slabs::{Ranks, share};
@@ -52,9 +52,9 @@ pub struct ImmersedParticipant {
     velocities: Vec<Vector3<f64>>,
     /// Accepted velocity of the frame, m/s.
     frame: Vector3<f64>,
-    /// Whether the next window is the first after a start from a fitted grid, whose state does not have the velocity of the frame: the window sets it to that at
-    /// its end.
-    starts_up: bool,
+    /// Flow from which the first window after a start from a fitted grid begins, until it is accepted. The state of that grid does not have the velocity of the
+    /// frame: the window sets it to that at its end.
+    handed_over: Option<FlowState>,
     /// The last accepted cut and the vertices of its surface in the grid.
     last_cut: Option<Cut>,
     /// Pressure jumps there, Pa.
@@ -208,7 +208,7 @@ impl ImmersedParticipant {
             positions: begin.positions,
             velocities: begin.velocities,
             frame: begin.frame,
-            starts_up: false,
+            handed_over: None,
             last_cut: None,
             last_jumps: Vec::new(),
             vertices: Vec::new(),
@@ -245,9 +245,10 @@ impl ImmersedParticipant {
 
     /// Starts from the flow that stage `source` left on its fitted grid.
     fn start_from_fitted(&mut self, scene: &Scene, source: usize, out: &Path) -> Result<(), Fault> {
-        self.starts_up = true;
         let wind = self.wind.at(0.0).into();
-        handover::start_immersed(&mut self.flow, (self.grid.origin, wind), (scene, source, out))
+        handover::start_immersed(&mut self.flow, (self.grid.origin, wind), (scene, source, out))?;
+        self.handed_over = Some(self.flow.state());
+        Ok(())
     }
 
     /// Continues from the state in `file`; `with_canopy`: from its canopy too.
@@ -290,7 +291,7 @@ impl ImmersedParticipant {
 
     /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
     fn open(&mut self, w: &Window) -> Result<(), Fault> {
-        if self.starts_up {
+        if self.handed_over.is_some() {
             self.frame = w.frame_velocity.into();
         }
         let wrong = |e| {
@@ -342,17 +343,22 @@ impl ImmersedParticipant {
     /// In the first window after a start from a fitted grid: solves the window once and opens it again with the result, so that the velocity becomes one
     /// without divergence around the moving canopy. The change acts on no canopy.
     fn start_up(&mut self, w: &Window, face_velocities: &[Vector3<f64>]) -> Result<(), Fault> {
-        if !self.starts_up {
-            return Ok(());
-        }
-        if let Some(mut open) = self.open.take() {
+        if let Some(mut open) = self.open.take_if(|_| self.handed_over.is_some()) {
             open.solve(&mut self.flow, face_velocities);
             self.last_cut = open.accept(&mut self.flow);
             self.last_jumps = self.flow.jumps().to_vec();
+            self.open(w)?;
         }
-        self.open(w)?;
-        self.starts_up = false;
         Ok(())
+    }
+
+    /// Before the first window after a start from a fitted grid is opened once more: returns to the flow of that start.
+    fn return_to_start(&mut self) {
+        if let Some(state) = self.handed_over.clone()
+            && self.flow.restore(state).is_some()
+        {
+            (self.last_cut, self.last_jumps) = (None, Vec::new());
+        }
     }
 
     /// Share of upwind differences in the window that is solved.
@@ -426,10 +432,12 @@ impl Participant for ImmersedParticipant {
         let _part = timing::part("advance");
         let clock = Clock::now();
         self.failure = None;
-        if self.open.as_ref().is_none_or(|o| (o.index, o.dt) != (w.index, w.dt)) {
+        let opens = self.open.as_ref().is_none_or(|o| (o.index, o.dt) != (w.index, w.dt));
+        if opens {
             if let Some(mut open) = self.open.take() {
                 open.reject(&mut self.flow);
             }
+            self.return_to_start();
             self.open(w)?;
         }
         let end: Vector3<f64> = w.frame_velocity.into();
@@ -443,7 +451,9 @@ impl Participant for ImmersedParticipant {
         let moved = positions.iter().zip(&self.positions);
         let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
         let velocities = self.surface.means(&velocities);
-        self.start_up(w, &velocities)?;
+        if opens {
+            self.start_up(w, &velocities)?;
+        }
         let mut open = self.open.take().expect("just opened");
         let solution = open.solve(&mut self.flow, &velocities);
         self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
@@ -490,6 +500,7 @@ impl Participant for ImmersedParticipant {
         (self.positions, self.frame) = (positions, end);
         self.last_cut = open.accept(&mut self.flow);
         self.last_jumps = self.flow.jumps().to_vec();
+        self.handed_over = None;
         self.time = w.time + w.dt;
         Ok(())
     }

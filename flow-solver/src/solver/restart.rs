@@ -151,10 +151,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Ok(())
     }
 
-    /// Returns to the start of the step that was solved, with its solution as the flow there.
-    pub fn return_with_solution(&mut self) {
+    /// Replaces the unknowns of local cells at both accepted time levels by `q`; grid and step stay.
+    pub fn restart_with(&mut self, q: &[[f64; N]]) {
         for level in &mut self.previous {
-            level.q.copy_from_slice(&self.q);
+            level.q.copy_from_slice(q);
         }
     }
 
