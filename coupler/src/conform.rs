@@ -368,6 +368,12 @@ impl ConformanceSuite<'_> {
         let Some(source) = scene.source_state(&self.session.out, self.session.number(), role) else {
             return Ok(Verdict::Skipped("no earlier stage saves a state for this program".into()));
         };
+        let stages = &scene.stages;
+        let before = scene.source_stage(self.session.number(), Role::Flow);
+        let method = |stage: usize| scene.discretisation(&stages[stage]);
+        if role == Role::Flow && before.is_some_and(|b| method(b) != method(self.session.number())) {
+            return Ok(Verdict::Skipped("the stage starts from a flow of the other method".into()));
+        }
         let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
             return Ok(Verdict::Skipped("one window only".into()));
         };

@@ -55,6 +55,7 @@ pub fn json(args: &MeshArgs) -> Result<String, RunError> {
         let n = scene.stages.len();
         return Err(input(&format!("--stage {}: the scene has {n} stages, counted from 0", args.stage)));
     }
+    let scene = scene.for_stage(args.stage);
     let structure = mesh::structure_mesh(&scene).map_err(|e| input(&e))?;
     let grid = if args.grid {
         let positions = match scene.grid_shape(&out, args.stage) {

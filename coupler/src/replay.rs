@@ -102,6 +102,7 @@ impl ProgramSession {
         let role = options.role;
         let mut prepared = scene_of(folder)?;
         let number = find_stage(&prepared.scene, folder, role, options.stage)?;
+        prepared.scene = prepared.scene.for_stage(number);
         let stage = prepared.scene.stages[number].name.clone();
         let file = stage_file(folder, &stage);
         let reader = Reader::open(&file)?;

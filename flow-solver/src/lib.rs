@@ -18,6 +18,7 @@ pub mod boundary_values;
 mod error;
 pub mod geometry;
 pub mod gradient;
+pub mod handover;
 pub mod immersed_canopy;
 pub mod implicit;
 pub mod limiter;

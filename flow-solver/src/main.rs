@@ -85,6 +85,7 @@ fn built(
             scene.stages.len()
         )));
     }
+    let scene = scene.for_stage(stage);
     if scene.flow.as_ref().is_some_and(case::Flow::is_immersed) {
         return Ok(Box::new(flow_solver::immersed_canopy::participant(&scene, stage, out, resume, comm)?));
     }

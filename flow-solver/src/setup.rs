@@ -32,6 +32,8 @@ pub struct Setup {
     pub folder: PathBuf,
     /// State of an earlier stage to start from.
     pub source: Option<PathBuf>,
+    /// State of an earlier stage with an immersed canopy, to start from instead.
+    pub handover: Option<PathBuf>,
     /// It is a state of this stage: the run restarts within the stage.
     pub resumed: bool,
     /// Length of the stage's windows, s.
@@ -175,6 +177,20 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
     }
 }
 
+/// The canopy, and the whole grid that is fitted to it at the start of `stage`.
+///
+/// # Errors
+/// An unreadable shape, or no grid around it.
+pub fn start_grid(scene: &Scene, stage: usize, out: &Path) -> Result<(StructureMesh, FlowGrid), Fault> {
+    let structure = mesh::structure_mesh(scene).map_err(Fault::new)?;
+    let positions = match scene.grid_shape(out, stage) {
+        Some(file) => mesh::load_shape(&file, structure.n_canopy).map_err(Fault::new)?,
+        None => structure.coords[..structure.n_canopy].to_vec(),
+    };
+    let grid = mesh::flow_grid(scene, &structure, &positions).map_err(Fault::new)?;
+    Ok((structure, grid))
+}
+
 impl Setup {
     /// Builds the grid of `stage`. The same on every rank.
     ///
@@ -187,12 +203,7 @@ impl Setup {
                 scene.name
             ))
         })?;
-        let structure = mesh::structure_mesh(&scene).map_err(Fault::new)?;
-        let positions = match scene.grid_shape(out, stage) {
-            Some(file) => mesh::load_shape(&file, structure.n_canopy).map_err(Fault::new)?,
-            None => structure.coords[..structure.n_canopy].to_vec(),
-        };
-        let grid = mesh::flow_grid(&scene, &structure, &positions).map_err(Fault::new)?;
+        let (structure, grid) = start_grid(&scene, stage, out)?;
         let faces = FaceTable::new(&grid).map_err(Fault::new)?;
         let shear = flow.shear.as_ref().map(|s| WindShear::of_scene(s, flow.wind_m_s.into()));
         let wind = scene.wind(stage, &StageTimes::completed(&scene, out, stage));
@@ -220,8 +231,13 @@ impl Setup {
             max_courant: s.max_courant,
         });
         let watched = Watched::of(&scene, plan.kind, &grid.patch_names);
+        let state = scene.source_state(out, stage, Role::Flow);
+        let before = scene.source_stage(stage, Role::Flow);
+        let immersed = before.is_some_and(|s| scene.is_immersed(&scene.stages[s]));
+        let (source, handover) = if immersed { (None, state) } else { (state, None) };
         Ok(Self {
-            source: scene.source_state(out, stage, Role::Flow),
+            source,
+            handover,
             folder: case::stage_folder(out, &scene, stage),
             window_s: plan.window_s,
             settings: settings(&scene, stage, flow, wind.at(0.0).into(), scale),
@@ -240,7 +256,7 @@ impl Setup {
 
     /// Restarts within the stage from the state that the flow saved in `folder`.
     pub fn resume(self, folder: &Path) -> Self {
-        Self { source: Some(case::state_file(folder, Role::Flow)), resumed: true, ..self }
+        Self { source: Some(case::state_file(folder, Role::Flow)), handover: None, resumed: true, ..self }
     }
 
     /// Writes what the grid is like to `grid.txt` in the stage's folder.

@@ -53,6 +53,17 @@ pub struct Saved {
 }
 
 impl Saved {
+    /// Velocities of the cells relative to the ground at the newest time level, m/s.
+    pub fn velocities(&self) -> Vec<Vec3> {
+        let rows = self.q[0].chunks_exact(self.equations as usize);
+        rows.map(|q| Vec3::new(q[1], q[2], q[3])).collect()
+    }
+
+    /// Positions of the nodes in the falling frame at the newest time level, m.
+    pub fn positions(&self) -> Vec<Vec3> {
+        self.x[0].chunks_exact(3).map(Vec3::from_column_slice).collect()
+    }
+
     /// Whether it is of a grid with `totals` cells and nodes, and of numbers only.
     fn check(&self, totals: (usize, usize)) -> Result<(), String> {
         if (self.cells, self.nodes) != (totals.0 as u64, totals.1 as u64) {

@@ -21,8 +21,10 @@ fn main() -> ExitCode {
         let options = args.serve_options(Role::Mesh, comm.rank());
         let built = match args.stage < scene.stages.len() {
             true => match &args.resume {
-                None => MeshMover::new(scene, args.stage, &args.out, comm),
-                Some(state) => MeshMover::resumed(scene, args.stage, &args.out, state, comm),
+                None => MeshMover::new(&scene.for_stage(args.stage), args.stage, &args.out, comm),
+                Some(state) => {
+                    MeshMover::resumed(&scene.for_stage(args.stage), args.stage, &args.out, state, comm)
+                }
             },
             false => Err(Fault::new(format!(
                 "stage {} was requested, but the scene has {} stages (counted from 0)",

@@ -67,8 +67,10 @@ fn serve(args: &ProgramArgs) -> Result<(), String> {
     let comm = Comm::init(Some(args.ranks as usize)).map_err(|e| e.to_string())?;
     let at = args.serve_options(Role::Structure, comm.rank());
     let solver = case::load(&args.scene).map_err(Fault::new).and_then(|scene| match &args.resume {
-        None => StructureSolver::new(&comm, &scene, args.stage, &args.out),
-        Some(state) => StructureSolver::resumed(&comm, &scene, args.stage, &args.out, state),
+        None => StructureSolver::new(&comm, &scene.for_stage(args.stage), args.stage, &args.out),
+        Some(state) => {
+            StructureSolver::resumed(&comm, &scene.for_stage(args.stage), args.stage, &args.out, state)
+        }
     });
     let (gather, send, poll) =
         (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));

@@ -141,7 +141,8 @@ impl<'a> Run<'a> {
     }
 
     fn context(&self, stage: usize) -> StageContext<'_> {
-        let Prepared { scene, out, interface, .. } = self.prepared;
+        let Prepared { out, interface, views, .. } = self.prepared;
+        let scene = &views[stage];
         let every = self.options.checkpoint_every.or(scene.output.checkpoint_every_windows);
         let options = StageOptions {
             stop_after_windows: self.options.stop_after_windows,

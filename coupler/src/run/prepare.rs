@@ -26,6 +26,8 @@ pub struct Prepared {
     pub interface: CanopyInterface,
     /// First stage to run.
     pub first: usize,
+    /// The scene as each stage sees it ([`Scene::for_stage`]).
+    pub views: Vec<Scene>,
 }
 
 /// Findings of the inspection of a prepared scene.
@@ -77,5 +79,6 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
     let absolute = |path: &Path| std::path::absolute(path).map_err(RunError::file("resolve", path));
     let out = absolute(&out)?;
     let file = if text.is_some() { out.join(SCENE) } else { absolute(&options.scene)? };
-    Ok(Prepared { file, text, out, scene, interface, first })
+    let views = (0..scene.stages.len()).map(|stage| scene.for_stage(stage)).collect();
+    Ok(Prepared { file, text, out, scene, interface, first, views })
 }

@@ -328,3 +328,102 @@ fn every_table_of_the_schema_is_closed() {
     let text = refused("[canopy]", "programs.strukture = \"x\"\n[canopy]");
     assert!(text.contains("unknown key `strukture`") && text.contains("did you mean `structure`?"), "{text}");
 }
+
+/// The small canopy with both flow methods: stages after the pre-inflation, each a kind and its `flow_method`.
+fn both_methods(stages: &[(&str, &str)]) -> Result<case::Scene, String> {
+    let text = include_str!("../../../cases/square-drop/scene.toml");
+    let before = text.find("[[stage]]\nname = \"developed-flow\"").expect("a stage");
+    let mut text = text[..before].replace("[flow.grid]", "[flow.immersed]\nspacing_m = 0.15\n\n[flow.grid]");
+    for (k, (kind, method)) in stages.iter().enumerate() {
+        let method = if method.is_empty() { String::new() } else { format!("flow_method = \"{method}\"\n") };
+        text += &format!(
+            "[[stage]]\nname = \"s{k}\"\nkind = \"{kind}\"\n{method}duration_s = 0.1\nwindow_s = 5e-3\n"
+        );
+        if *kind == "prescribed" {
+            text += "[[stage.motion]]\nnodes = \"canopy\"\ntime_s = [0, 1]\ndisplacement_m = [[0, 0, 0], [0, 0, 1]]\n";
+        }
+    }
+    read(&text).map_err(|e| e.to_string())
+}
+
+#[test]
+fn stages_choose_their_flow_method() {
+    use case::{Discretisation, Role};
+    let stages = [
+        ("flow-only", ""),
+        ("coupled", "immersed"),
+        ("coupled", "fitted"),
+        ("coupled", "fitted"),
+        ("coupled", ""),
+    ];
+    let scene = both_methods(&stages).unwrap_or_else(|e| panic!("{e}"));
+    let roles = |k: usize| scene.roles(&scene.stages[k]).to_vec();
+    assert_eq!(roles(1), [Role::Flow]);
+    assert_eq!([roles(2), roles(5)], [[Role::Structure, Role::Flow]; 2]);
+    assert_eq!([roles(3), roles(4)], [[Role::Structure, Role::Flow, Role::Mesh]; 2]);
+    // Structure and flow start where they ended; the fitted grid is new around the shape that the immersed stage left.
+    let source = |role| [2, 3, 4, 5].map(|k| scene.source_stage(k, role));
+    assert_eq!(source(Role::Structure), [0, 2, 3, 4].map(Some));
+    assert_eq!(source(Role::Flow), [1, 2, 3, 4].map(Some));
+    assert_eq!(source(Role::Mesh), [None, None, Some(3), Some(4)]);
+    let shape = |k| scene.grid_shape(Path::new("out"), k).expect("a shape");
+    assert_eq!(shape(2), Path::new("out/pre-inflation/state/canopy.bin"));
+    assert_eq!([shape(3), shape(4)], [0; 2].map(|_| Path::new("out/s1/state/canopy.bin").to_owned()));
+
+    // A program sees the method of its stage; roles of all stages stay.
+    for k in 0..6 {
+        let view = scene.for_stage(k);
+        assert_eq!(view.flow.as_ref().is_some_and(case::Flow::is_immersed), ![3, 4].contains(&k), "{k}");
+        for (a, b) in view.stages.iter().zip(&scene.stages) {
+            assert_eq!((view.roles(a), a.flow_method), (scene.roles(b), Some(scene.discretisation(b))));
+        }
+        assert_eq!(view.source_stage(5, Role::Mesh), Some(4));
+    }
+    let views = scene.views(0);
+    assert_eq!(views.len(), 2);
+    let of = |k: usize| views.iter().filter(|v| v.is_of_view(&v.stages[k])).count();
+    assert_eq!([0, 1, 2, 3, 4, 5].map(of), [2, 1, 1, 1, 1, 1]);
+    assert_eq!((scene.views(5).len(), scene.stages[5].flow_method), (1, None));
+    assert_eq!(scene.views(5)[0].stages[5].flow_method, Some(Discretisation::Immersed));
+
+    // Without the choice nothing changes: the mover continues across stages.
+    let fitted = read(include_str!("../../../cases/square-drop/scene.toml")).unwrap();
+    assert!(!fitted.is_immersed(&fitted.stages[2]) && fitted.views(0).len() == 1);
+}
+
+/// A fitted grid after an immersed stage that leaves the canopy still is new too, around the shape that the structure has then.
+#[test]
+fn fitted_grid_after_an_immersed_flow_has_the_shape_of_the_structure() {
+    let scene = both_methods(&[("coupled", "fitted"), ("flow-only", ""), ("coupled", "fitted")])
+        .unwrap_or_else(|e| panic!("{e}"));
+    let shape = scene.grid_shape(Path::new("out"), 3);
+    assert_eq!(shape.as_deref(), Some(Path::new("out/s0/state/canopy.bin")));
+    assert_eq!(scene.source_stage(3, case::Role::Mesh), None);
+}
+
+#[test]
+fn flow_methods_that_cannot_follow_each_other_are_refused() {
+    let text = include_str!("../../../cases/square-drop/scene.toml");
+    let descent = "kind = \"coupled\"\n";
+    let with = |method: &str| text.replace(descent, &format!("{descent}flow_method = \"{method}\"\n"));
+    let error = read(&with("immersed")).expect_err("no section").to_string();
+    assert!(error.contains("flow_method") && error.contains("add [flow.immersed] with spacing_m"), "{error}");
+    read(&with("fitted")).unwrap_or_else(|e| panic!("{e}"));
+    assert!(read(&with("both")).is_err());
+    for (first, second) in [("immersed", "fitted"), ("fitted", "immersed")] {
+        let error = both_methods(&[("prescribed", first), ("flow-only", second)]).expect_err("no structure");
+        assert!(error.contains("use the same `flow_method`"), "{error}");
+    }
+    both_methods(&[("prescribed", "fitted"), ("flow-only", "fitted")]).unwrap_or_else(|e| panic!("{e}"));
+
+    // Vents that an immersed stage has opened.
+    let atps = include_str!("../../../cases/atps-opening/scene.toml");
+    let later = |method: &str| {
+        let stage = "[[stage]]\nname = \"descent\"\nkind = \"coupled\"\nduration_s = 0.2\nwindow_s = 5e-3\n";
+        format!("{atps}\n{stage}flow_method = \"{method}\"\n")
+    };
+    read(&later("fitted")).unwrap_or_else(|e| panic!("{e}"));
+    let closed = later("fitted").replacen("kind = \"coupled\"", "kind = \"flow-only\"", 1);
+    let error = read(&closed).expect_err("closed vents").to_string();
+    assert!(error.contains("no flow grid fits them"), "{error}");
+}

@@ -1,6 +1,6 @@
 //! Description of a scene for `ripstop check`: canopy, masses, flow grid, effects, coupling, stages.
 
-use case::{LoadShape, Role, Scene, Solve, Stage, StageKind};
+use case::{Discretisation, LoadShape, Role, Scene, Solve, Stage, StageKind};
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use coupling::schemes::describe;
@@ -19,7 +19,7 @@ pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<St
         lines.push("canopy: none".into());
     }
     if scene.flow.is_some() {
-        lines.push(flow_grid(scene, interface));
+        lines.extend(scene.views(first).iter().map(|view| flow_grid(view, interface)));
     }
     lines.push(shared_memory::line(scene, first, interface));
     lines.push("effects:".into());
@@ -28,7 +28,9 @@ pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<St
         lines.push(format!("  {state} {:<28} {} ({})", effect.key, effect.what, effect.role.program()));
     }
     if scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {
-        lines.push(coupling(scene));
+        let mut both: Vec<String> = scene.views(first).iter().map(coupling).collect();
+        both.dedup();
+        lines.extend(both);
     }
     lines
 }
@@ -36,7 +38,14 @@ pub fn scene(scene: &Scene, interface: &CanopyInterface, first: usize) -> Vec<St
 /// The description of stage `at` (from 0): programs and duration.
 pub fn stage(scene: &Scene, at: usize) -> String {
     let stage = &scene.stages[at];
-    format!("  {}. {}: {}; {}", at + 1, stage.name, what(scene, stage), time(stage))
+    // Named where stages differ.
+    let both = scene.views(0).len() > 1 && stage.kind.roles().contains(&Role::Flow);
+    let method = match scene.discretisation(stage) {
+        _ if !both => "",
+        Discretisation::Fitted => ", fitted grid",
+        Discretisation::Immersed => ", immersed canopy",
+    };
+    format!("  {}. {}: {}{method}; {}", at + 1, stage.name, what(scene, stage), time(stage))
 }
 
 /// Sizes and masses of the canopy.
@@ -69,10 +78,6 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
     [mesh, format!("masses: {}; in all {all:.4} kg{payload}", parts.join(", "))]
 }
 
-fn immersed(scene: &Scene) -> bool {
-    scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
-}
-
 fn what(scene: &Scene, stage: &Stage) -> String {
     match stage.kind {
         StageKind::PreInflation => format!(
@@ -84,10 +89,12 @@ fn what(scene: &Scene, stage: &Stage) -> String {
         StageKind::Prescribed if stage.motions.is_empty() => {
             "mesh and flow around rigid bodies with prescribed motion".into()
         }
-        StageKind::Prescribed if immersed(scene) => "flow around the canopy with prescribed motion".into(),
+        StageKind::Prescribed if scene.is_immersed(stage) => {
+            "flow around the canopy with prescribed motion".into()
+        }
         StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
         StageKind::Coupled => {
-            let programs = if immersed(scene) {
+            let programs = if scene.is_immersed(stage) {
                 "coupled structure and flow"
             } else {
                 "coupled structure, mesh and flow"

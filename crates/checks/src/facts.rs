@@ -36,7 +36,7 @@ impl Machine {
 
 /// Quantities of a scene before its run.
 pub struct Facts<'a> {
-    /// The scene.
+    /// The scene, or its view by one of its flow methods ([`Scene::views`]).
     pub scene: &'a Scene,
     /// Sizes, speeds, loads and masses.
     pub numbers: Numbers<'a>,
@@ -83,9 +83,10 @@ impl<'a> Facts<'a> {
         Ok(Self { scene, numbers, mesh, grid, machine, first, former_names: Vec::new() })
     }
 
-    /// Stages to run, with their number from 0.
+    /// Stages to run by the flow method of the scene or without flow, with their number from 0.
     pub fn stages(&self) -> impl Iterator<Item = (usize, &'a Stage)> {
-        self.scene.stages.iter().enumerate().skip(self.first)
+        let scene = self.scene;
+        scene.stages.iter().enumerate().skip(self.first).filter(|(_, s)| scene.is_of_view(s))
     }
 
     /// Stages to run of a kind.

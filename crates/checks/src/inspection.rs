@@ -52,7 +52,7 @@ impl Inspection {
         Self { findings }
     }
 
-    /// Inspects a scene whose stages from `first` on run on `machine`. `file` is the scene file, `settings` are the values of
+    /// Inspects a scene whose stages from `first` on run on `machine`, for each of its flow methods. `file` is the scene file, `settings` are the values of
     /// `--set` as written; both locate findings.
     ///
     /// # Errors
@@ -65,12 +65,19 @@ impl Inspection {
         file: &Path,
         settings: &[String],
     ) -> Result<Self, RunError> {
-        let mut facts =
-            Facts::new(scene, interface, machine, first).map_err(|e| RunError::Input(e.to_string()))?;
         let text = std::fs::read_to_string(file).unwrap_or_default();
-        facts.former_names = names::former(&text, settings);
         let names: Vec<&str> = scene.stages.iter().map(|s| s.name.as_str()).collect();
-        Ok(Self::new(&facts, |key| place(file, &text, settings, &names, key)))
+        let mut all = Self { findings: Vec::new() };
+        for view in scene.views(first) {
+            let facts = Facts::new(&view, interface, machine, first);
+            let mut facts = facts.map_err(|e| RunError::Input(e.to_string()))?;
+            facts.former_names = names::former(&text, settings);
+            let own = Self::new(&facts, |key| place(file, &text, settings, &names, key)).findings;
+            let new: Vec<Finding> = own.into_iter().filter(|f| !all.findings.contains(f)).collect();
+            all.findings.extend(new);
+        }
+        all.findings.sort_by_key(|f| std::cmp::Reverse(f.severity));
+        Ok(all)
     }
 
     /// Findings of a severity.

@@ -293,7 +293,8 @@ fn order(f: &Facts<'_>) -> Vec<Judged> {
         let key = format!("stage[{i}].kind");
         let closed = matches!(f.scene.canopy, Canopy::Atps(_))
             && f.scene.flow.as_ref().is_some_and(|w| w.grid_file.is_none() && !w.is_immersed());
-        if closed && flows(s) && !stages[..i].iter().any(inflates) {
+        let opens = |s: &Stage| inflates(s) || (s.kind == StageKind::Coupled && f.scene.is_immersed(s));
+        if closed && flows(s) && !stages[..i].iter().any(opens) {
             let figure = format!(
                 "stage `{}` needs a flow grid, but the vents of the canopy as cut are closed slits",
                 s.name

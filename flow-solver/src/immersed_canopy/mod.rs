@@ -17,3 +17,4 @@ mod state;
 mod step;
 
 pub use participant::{ImmersedParticipant, participant};
+pub(crate) use state::Saved;

@@ -10,7 +10,7 @@ use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window
 use comm::Comm;
 use immersed::constraints::FluxConstraints;
 use immersed::eddy_viscosity::SubgridModel;
-use immersed::flow::{Flow, Settings};
+use immersed::flow::{Flow, FlowState, Settings};
 use immersed::momentum::{Momentum, laminar_upwind_share};
 use immersed::placement::{Placement, bounds};
 use immersed::slabs::{Ranks, share};
@@ -24,6 +24,7 @@ use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
 use super::step::{AroundCanopy, Cut, OpenWindow, Solution, Start};
+use crate::handover;
 use crate::physics::Permeability;
 
 /// Residual of the constraints relative to that without pressure jumps, in units of `flow.solver.residual_drop`.
@@ -55,6 +56,9 @@ pub struct ImmersedParticipant {
     frame: Vector3<f64>,
     /// Cut and prediction of the last accepted step, and the vertices of the surface in the grid at its end.
     last: Option<(Cut, AroundCanopy)>,
+    /// Flow from which the first window after a start from a fitted grid begins, until it is accepted. The state of that grid does not have the velocity of the
+    /// frame: the window sets it to that at its end.
+    handed_over: Option<FlowState>,
     /// Pressure jumps there, Pa.
     last_jumps: Vec<f64>,
     /// Mean force of the air along the fabric until the last accepted window.
@@ -93,12 +97,17 @@ pub fn participant(
     let begin = Begin::of(scene, stage, out, &structure)?;
     let ranks = Rc::new(FlowRanks(comm.clone()));
     let mut participant = ImmersedParticipant::new(scene, stage, out, (structure, surface), begin, ranks)?;
-    let source = match resume {
-        Some(folder) => Some(case::state_file(folder, Role::Flow)),
-        None => scene.source_state(out, stage, Role::Flow),
-    };
-    if let Some(file) = source {
-        participant.restore(&file, resume.is_some() || !moved_since(scene, stage))?;
+    let state = |folder: &Path| case::state_file(folder, Role::Flow);
+    match (resume, scene.source_stage(stage, Role::Flow)) {
+        (Some(folder), _) => participant.restore(&state(folder), true)?,
+        (None, Some(source)) if !scene.is_immersed(&scene.stages[source]) => {
+            participant.start_from_fitted(scene, source, out)?;
+        }
+        (None, Some(source)) => {
+            let file = state(&case::state_folder(out, scene, source));
+            participant.restore(&file, !moved_since(scene, stage))?;
+        }
+        (None, None) => {}
     }
     if resume.is_some() {
         participant.snapshots = Snapshots::resume(&case::stage_folder(out, scene, stage));
@@ -207,6 +216,7 @@ impl ImmersedParticipant {
             velocities: begin.velocities,
             frame: begin.frame,
             last: None,
+            handed_over: None,
             last_jumps: Vec::new(),
             last_friction: Vector3::zeros(),
             vertices: Vec::new(),
@@ -239,6 +249,14 @@ impl ImmersedParticipant {
         std::fs::create_dir_all(folder)
             .and_then(|()| std::fs::write(&file, text))
             .map_err(|e| Fault::new(format!("cannot write {}: {e}", file.display())))
+    }
+
+    /// Starts from the flow that stage `source` left on its fitted grid.
+    fn start_from_fitted(&mut self, scene: &Scene, source: usize, out: &Path) -> Result<(), Fault> {
+        let wind = self.wind.at(0.0).into();
+        handover::start_immersed(&mut self.flow, (self.grid.origin, wind), (scene, source, out))?;
+        self.handed_over = Some(self.flow.state());
+        Ok(())
     }
 
     /// Continues from the state in `file`; `with_canopy`: from its canopy too.
@@ -289,6 +307,9 @@ impl ImmersedParticipant {
 
     /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
     fn open(&mut self, w: &Window) -> Result<(), Fault> {
+        if self.handed_over.is_some() {
+            self.frame = w.frame_velocity.into();
+        }
         let wrong = |e| {
             Fault::new(format!("window {} (t = {:.4} s): {e}; raise flow.immersed.room", w.index, w.time))
         };
@@ -362,6 +383,27 @@ impl ImmersedParticipant {
         self.along.0.iter().sum()
     }
 
+    /// In the first window after a start from a fitted grid: solves the window once and opens it again with the result, so that the velocity becomes one
+    /// without divergence around the moving canopy. The change acts on no canopy.
+    fn start_up(&mut self, w: &Window, face_velocities: &[Vector3<f64>]) -> Result<(), Fault> {
+        if let Some(mut open) = self.open.take_if(|_| self.handed_over.is_some()) {
+            open.solve(&mut self.flow, face_velocities);
+            self.last = open.accept(&mut self.flow);
+            self.last_jumps = self.flow.jumps().to_vec();
+            self.open(w)?;
+        }
+        Ok(())
+    }
+
+    /// Before the first window after a start from a fitted grid is opened once more: returns to the flow of that start.
+    fn return_to_start(&mut self) {
+        if let Some(state) = self.handed_over.clone()
+            && self.flow.restore(state).is_some()
+        {
+            (self.last, self.last_jumps) = (None, Vec::new());
+        }
+    }
+
     /// Share of upwind differences in the window that is solved.
     pub fn upwind_share(&self) -> f64 {
         self.flow.settings.momentum.upwind_share
@@ -433,10 +475,12 @@ impl Participant for ImmersedParticipant {
         let _part = timing::part("advance");
         let clock = Clock::now();
         self.failure = None;
-        if self.open.as_ref().is_none_or(|o| (o.index, o.dt) != (w.index, w.dt)) {
+        let opens = self.open.as_ref().is_none_or(|o| (o.index, o.dt) != (w.index, w.dt));
+        if opens {
             if let Some(mut open) = self.open.take() {
                 open.reject(&mut self.flow);
             }
+            self.return_to_start();
             self.open(w)?;
         }
         let end: Vector3<f64> = w.frame_velocity.into();
@@ -449,8 +493,12 @@ impl Participant for ImmersedParticipant {
         };
         let moved = positions.iter().zip(&self.positions);
         let velocities: Vec<_> = moved.map(|(end, start)| (end - start) / w.dt + frame).collect();
+        let velocities = self.surface.means(&velocities);
+        if opens {
+            self.start_up(w, &velocities)?;
+        }
         let mut open = self.open.take().expect("just opened");
-        let mut solution = open.solve(&mut self.flow, &self.surface.means(&velocities));
+        let mut solution = open.solve(&mut self.flow, &velocities);
         self.along.add_to(&mut solution.forces);
         self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
         let mut values = self.stats(&open, &solution);
@@ -499,6 +547,7 @@ impl Participant for ImmersedParticipant {
         self.last = open.accept(&mut self.flow);
         self.last_jumps = self.flow.jumps().to_vec();
         self.update_force_along(dt, velocity);
+        self.handed_over = None;
         self.time = w.time + w.dt;
         Ok(())
     }

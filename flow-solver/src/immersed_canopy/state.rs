@@ -152,6 +152,20 @@ impl<'a> Saved<'a> {
         Ok((grid, flow, motion))
     }
 
+    /// Grid, velocity relative to the wind (m/s) and the origin of the grid in the falling frame (m), for a start on another grid.
+    ///
+    /// # Errors
+    /// What does not fit together, in words.
+    pub fn field(self) -> Result<(Grid, Velocity, Vector3<f64>), String> {
+        let grid = grid(&self.axes)?;
+        let finite = |c: &Vec<f64>| c.len() == grid.array_len() && c.iter().all(|x| x.is_finite());
+        if !self.velocity.iter().all(finite) || !self.origin.iter().all(|x| x.is_finite()) {
+            return Err("has velocities that are not finite numbers or not of its grid".into());
+        }
+        let velocity = Velocity::try_from(self.velocity.into_owned());
+        Ok((grid, velocity.map_err(|_| "has no three components of the velocity")?, self.origin.into()))
+    }
+
     /// Writes the state.
     ///
     /// # Errors

@@ -151,6 +151,13 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Ok(())
     }
 
+    /// Replaces the unknowns of local cells at both accepted time levels by `q`; grid and step stay.
+    pub fn restart_with(&mut self, q: &[[f64; N]]) {
+        for level in &mut self.previous {
+            level.q.copy_from_slice(q);
+        }
+    }
+
     /// Restores the Rhie-Chow fluxes of the last two time levels, kg/(m2 s). Without this call they start from zero.
     pub fn restore_rhie_chow(&mut self, rhie_chow_fluxes: &[[f32; 2]]) {
         for (t, previous) in self.face_flux.iter_mut().zip(rhie_chow_fluxes) {

@@ -10,6 +10,7 @@ use crate::check::Check;
 /// A Cartesian grid through which the canopy moves, instead of one that is fitted to it: fabric may fold, touch itself and close its vents, and no
 /// mesh-mover runs. The air is incompressible. It slides along the fabric without `[flow.viscosity]`, and does not slip with it; of the turbulence models it has
 /// `smagorinsky` and `wale`, without a law of the wall. The even cells around the canopy follow it; when it comes near their end, a new grid is made around it.
+/// Stages with `flow_method = "fitted"` keep the fitted grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Immersed {

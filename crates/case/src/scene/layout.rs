@@ -33,9 +33,17 @@ impl Scene {
     }
 
     /// The latest stage before `stage` in which `role` ran: its state is where
-    /// the role starts from.
+    /// the role starts from. A fitted grid is new after a stage with an immersed canopy: the mesh-mover starts from none before that.
     pub fn source_stage(&self, stage: usize, role: Role) -> Option<usize> {
-        (0..stage).rev().find(|&s| self.stages[s].kind.roles().contains(&role))
+        let ran = |s: &usize| self.roles(&self.stages[*s]).contains(&role);
+        let source = (0..stage).rev().find(ran)?;
+        (role != Role::Mesh || self.last_immersed(stage) < Some(source)).then_some(source)
+    }
+
+    /// The latest stage before `stage` with flow around an immersed canopy.
+    fn last_immersed(&self, stage: usize) -> Option<usize> {
+        let flows = |s: &usize| self.stages[*s].kind.roles().contains(&Role::Flow);
+        (0..stage).rev().filter(flows).find(|s| self.is_immersed(&self.stages[*s]))
     }
 
     /// The state file that `role` starts `stage` from, if an earlier stage wrote one.
@@ -44,11 +52,14 @@ impl Scene {
         Some(state_file(&state_folder(out, self, source), role))
     }
 
-    /// The canopy shape that the flow grid of `stage` is built around: written by
+    /// The canopy shape that the fitted flow grid of `stage` is built around: written by
     /// the structure's latest *uncoupled* stage, so that all later stages share
-    /// one start grid. `None`: the unstressed shape.
+    /// one start grid; after a stage with an immersed canopy, the shape at its end. `None`: the unstressed shape.
     pub fn grid_shape(&self, out: &Path, stage: usize) -> Option<PathBuf> {
-        let source = (0..stage).rev().find(|&s| self.stages[s].kind == StageKind::PreInflation)?;
+        let inflated = (0..stage).rev().find(|&s| self.stages[s].kind == StageKind::PreInflation);
+        let structure = |s: &usize| self.stages[*s].kind.roles().contains(&Role::Structure);
+        let immersed = self.last_immersed(stage).and_then(|s| (0..=s).rev().find(structure));
+        let source = inflated.max(immersed)?;
         Some(canopy_file(&state_folder(out, self, source)))
     }
 }

@@ -77,7 +77,7 @@ pub use reefing::Reefing;
 pub use resolved::{CanopyAir, Resolved, UndisturbedAir};
 pub use schema::schema;
 pub use shear::{Shear, ShearProfile, WindProfile};
-pub use stages::{Solve, Stage, StageKind};
+pub use stages::{Discretisation, Solve, Stage, StageKind};
 pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};
 pub use tapes::{Risers, Tape, TapeGrid, TapePlace, Tapes};

@@ -17,6 +17,9 @@ pub struct Stage {
     pub name: String,
     /// What runs.
     pub kind: StageKind,
+    /// How the flow meets the canopy in this stage, where `[flow.immersed]` gives the choice: with `fitted` the scene has both methods, and the flow of the
+    /// stage before is interpolated to the grid of this one, conserving momentum. Absent: `immersed` with `[flow.immersed]`, else `fitted`.
+    pub flow_method: Option<Discretisation>,
     /// How the structure of a pre-inflation is solved.
     #[serde(default)]
     pub solve: Solve,
@@ -65,6 +68,16 @@ fn ten() -> u32 {
     10
 }
 
+/// How the grid of the flow meets the canopy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Discretisation {
+    /// A grid that is fitted to the canopy and moves with it, `[flow.grid]`.
+    Fitted,
+    /// A Cartesian grid through which the canopy moves, `[flow.immersed]`.
+    Immersed,
+}
+
 /// How the structure of a pre-inflation is solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
@@ -104,9 +117,50 @@ impl StageKind {
 }
 
 impl Scene {
+    /// How the flow meets the canopy in `stage`.
+    pub fn discretisation(&self, stage: &Stage) -> Discretisation {
+        let immersed = self.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+        let all = if immersed { Discretisation::Immersed } else { Discretisation::Fitted };
+        stage.flow_method.unwrap_or(all)
+    }
+
+    /// Whether the canopy moves through a Cartesian grid in `stage`.
+    pub fn is_immersed(&self, stage: &Stage) -> bool {
+        self.discretisation(stage) == Discretisation::Immersed
+    }
+
+    /// The scene as the programs of stage `k` see it: without `[flow.immersed]` where the stage has a fitted grid. Every stage names its method.
+    pub fn for_stage(&self, k: usize) -> Self {
+        let mut view = self.clone();
+        for (own, stage) in view.stages.iter_mut().zip(&self.stages) {
+            own.flow_method = Some(self.discretisation(stage));
+        }
+        let fitted = self.stages.get(k).is_some_and(|s| !self.is_immersed(s));
+        if let Some(flow) = view.flow.as_mut().filter(|_| fitted) {
+            flow.immersed = None;
+        }
+        view
+    }
+
+    /// [`Self::for_stage`] of one stage of each method among the stages with flow from `first` on: one view, but two where a run changes the method.
+    pub fn views(&self, first: usize) -> Vec<Self> {
+        let flows = |k: &usize| self.stages[*k].kind.roles().contains(&Role::Flow);
+        let stages = || (first..self.stages.len()).filter(flows);
+        let Some(one) = stages().next() else { return vec![self.clone()] };
+        let method = |k: usize| self.discretisation(&self.stages[k]);
+        let other = stages().find(|k| method(*k) != method(one));
+        [Some(one), other].into_iter().flatten().map(|k| self.for_stage(k)).collect()
+    }
+
+    /// Whether `stage` runs the flow by the method of this view ([`Self::for_stage`]), or no flow.
+    pub fn is_of_view(&self, stage: &Stage) -> bool {
+        let immersed = self.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+        !stage.kind.roles().contains(&Role::Flow) || self.is_immersed(stage) == immersed
+    }
+
     /// The programs that `stage` needs: the mesh-mover only where a grid is fitted to the canopy.
     pub fn roles(&self, stage: &Stage) -> &'static [Role] {
-        let immersed = self.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+        let immersed = self.is_immersed(stage);
         match stage.kind {
             StageKind::Coupled if immersed => &[Role::Structure, Role::Flow],
             StageKind::Prescribed if immersed => &[Role::Flow],
@@ -150,6 +204,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         nodes(stage, &at, c);
         pressure(stage, &at, c);
         flow(scene, stage, &at, c);
+        flow_method(scene, k, &at, c);
         open_vents(scene, k, &at, c);
     }
 }
@@ -276,8 +331,7 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     if scene.flow.is_none() {
         c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
     }
-    let immersed = scene.flow.as_ref().is_some_and(crate::Flow::is_immersed);
-    let fitted = matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && !immersed;
+    let fitted = matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_)) && !scene.is_immersed(s);
     if fitted && scene.grid_file().is_none() {
         c.refuse(
             &at("kind"),
@@ -287,16 +341,41 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     }
 }
 
+/// A method is that of a section, and does not change after the canopy was moved without a structure.
+fn flow_method(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    let s = &scene.stages[k];
+    let immersed = scene.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+    if s.flow_method == Some(Discretisation::Immersed) && !immersed {
+        c.refuse(
+            &at("flow_method"),
+            format!("stage \"{}\" has an immersed canopy, but the scene no grid for it", s.name),
+            "add [flow.immersed] with spacing_m, or remove `flow_method`",
+        );
+    }
+    let before = (0..k).rev().map(|b| &scene.stages[b]).find(|b| b.kind == StageKind::Prescribed);
+    let flows = s.kind.roles().contains(&Role::Flow);
+    if before.is_some_and(|b| flows && scene.is_immersed(b) != scene.is_immersed(s)) {
+        c.refuse(
+            &at("flow_method"),
+            "the flow method changes after a stage of kind \"prescribed\", whose canopy moves without the structure that the new grid starts from",
+            "use the same `flow_method` as in the stage before",
+        );
+    }
+}
+
 /// A grid that moves through vents starts around an inflated canopy.
 fn open_vents(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
     let moves = matches!(scene.stages[k].kind, StageKind::Coupled | StageKind::Prescribed);
-    let inflated = scene.stages[..k].iter().any(|s| s.kind == StageKind::PreInflation);
-    let fitted = !scene.flow.as_ref().is_some_and(crate::Flow::is_immersed);
+    let opens = |s: &Stage| {
+        s.kind == StageKind::PreInflation || (s.kind == StageKind::Coupled && scene.is_immersed(s))
+    };
+    let inflated = scene.stages[..k].iter().any(opens);
+    let fitted = !scene.is_immersed(&scene.stages[k]);
     if moves && fitted && scene.has_vents() && !inflated {
         c.refuse(
             &at("kind"),
             "the vents of the unstressed canopy are closed slits: no flow grid fits them",
-            "put a stage of kind \"pre-inflation\" before this one",
+            "put a stage of kind \"pre-inflation\", or a coupled one with an immersed canopy, before this one",
         );
     }
 }
