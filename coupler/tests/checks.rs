@@ -108,12 +108,15 @@ fn case_file(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases").join(name)
 }
 
-/// The inspection of a scene's text; `file` lies where its mesh files are.
+/// The inspection of a scene's text for each of its flow methods; `file` lies where its mesh files are.
 fn inspect(file: &Path, text: &str, machine: Machine) -> Inspection {
     let scene = case::parse(file, text).unwrap_or_else(|e| panic!("{e}"));
     let interface = CanopyInterface::new(&scene).unwrap_or_else(|e| panic!("{e}"));
-    let facts = Facts::new(&scene, &interface, machine, 0).unwrap_or_else(|e| panic!("{e}"));
-    let found = Inspection::new(&facts, |_| String::new());
+    let mut found = Inspection { findings: Vec::new() };
+    for view in scene.views(0) {
+        let facts = Facts::new(&view, &interface, machine, 0).unwrap_or_else(|e| panic!("{e}"));
+        found.findings.extend(Inspection::new(&facts, |_| String::new()).findings);
+    }
     for f in &found.findings {
         let row = all().find(|c| c.id == f.check).expect("a row");
         assert!(f.severity <= row.severity, "{f:?} is worse than its row says");
@@ -274,6 +277,21 @@ fn what_cannot_be_right_or_is_far_from_any_parachute_is_said() {
 }
 
 /// All scenes of the repository run: no errors, and these warnings alone.
+/// A fitted grid around a canopy with contact is warned of, unless the canopy opens in an immersed stage before.
+#[test]
+fn fitted_grid_after_an_immersed_opening_is_no_warning() {
+    let contact = ("[descent]", "[fabric.contact]\ndistance_m = 0.01\n\n[descent]");
+    let both = ("[flow.grid]", "[flow.immersed]\nspacing_m = 0.1\n\n[flow.grid]");
+    let descent = "kind = \"coupled\"\nduration_s = 0.1\nwindow_s = 5e-3\n";
+    let opening = format!("{descent}[[stage]]\nname = \"fitted\"\nflow_method = \"fitted\"\n{descent}");
+    let fitted = format!("flow_method = \"fitted\"\n{descent}");
+    for (stage, warned) in [(&opening, false), (&fitted, true)] {
+        let inspection = square_drop(&[contact, both, (descent, stage)], LARGE);
+        let lines = found(&inspection);
+        assert_eq!(lines.contains("warning flow.method"), warned, "{lines:?}");
+    }
+}
+
 #[test]
 fn scenes_of_the_repository_have_no_errors_and_these_warnings() {
     for (name, warnings) in CASES {
