@@ -427,3 +427,32 @@ fn flow_methods_that_cannot_follow_each_other_are_refused() {
     let error = read(&closed).expect_err("closed vents").to_string();
     assert!(error.contains("no flow grid fits them"), "{error}");
 }
+
+/// A canopy of gores in an immersed flow; `canopy`: more keys of its table.
+fn gored(canopy: &str) -> Result<Scene, String> {
+    let text = include_str!("../../../cases/square-drop/scene.toml");
+    let (from, to) = (text.find("[canopy]").expect("a canopy"), text.find("[fabric]").expect("fabric"));
+    let stage = text.find("[[stage]]\nname = \"developed-flow\"").expect("a stage");
+    let canopy = format!("[canopy]\nkind = \"gored\"\n{canopy}\n");
+    let text = text[..from].to_owned() + &canopy + &text[to..stage] + &text[stage..];
+    read(&text.replace("[flow.grid]", "[flow.immersed]\nspacing_m = 0.15\n\n[flow.grid]"))
+        .map_err(|e| e.to_string())
+}
+
+#[test]
+fn gores_are_checked() {
+    let sizes = "nominal_diameter_m = 8.0\nline_length_m = 7.0\ncells_along = 8\n";
+    let scene = gored(&format!("{sizes}gores = 24")).unwrap_or_else(|e| panic!("{e}"));
+    let case::Canopy::Gored(g) = &scene.canopy else { panic!("gores") };
+    assert_eq!((g.profile, g.cells_per_gore, g.vent_diameter()), (case::GoreProfile::Flat, 2, 0.8));
+    for (more, message) in [
+        ("gores = 23", "`canopy.gores` is 23, which is odd"),
+        ("gores = 24\ncone_angle_deg = 20.0", "belongs to profile = \"conical\""),
+        ("gores = 24\nprofile = \"conical\"", "a conical canopy has no `cone_angle_deg`"),
+        ("gores = 24\nvent_diameter_m = 7.9", "canopy.vent_diameter_m"),
+        ("gores = 24\ncells_per_gore = 3", "`canopy.cells_per_gore` is 3, which is odd"),
+    ] {
+        let error = gored(&(sizes.to_owned() + more)).expect_err(more);
+        assert!(error.contains(message), "{more}: {error}");
+    }
+}

@@ -105,6 +105,7 @@ impl<'a> Facts<'a> {
         match &self.scene.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
+            Canopy::Gored(_) => true,
             Canopy::Gmsh(_) => self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine),
             Canopy::AirBag(_) | Canopy::Panel(_) | Canopy::None => false,
         }

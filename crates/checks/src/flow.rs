@@ -153,7 +153,11 @@ fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
     let n = &f.numbers;
     let across = n.width / n.cell;
     let severity = if across < 9.5 { Warning } else { Note };
-    let key = if matches!(f.scene.canopy, Canopy::Gmsh(_)) { "canopy.file" } else { "canopy.cells_across" };
+    let key = match f.scene.canopy {
+        Canopy::Gmsh(_) => "canopy.file",
+        Canopy::Gored(_) => "canopy.cells_along",
+        _ => "canopy.cells_across",
+    };
     let figure = format!("about {across:.0} cells across the canopy, with edges of {} m", digits(n.cell));
     let mut found = vec![Judged::new(severity, key, figure)];
     if let Some(g) = f.scene.flow.as_ref().and_then(|flow| flow.immersed.as_ref()) {

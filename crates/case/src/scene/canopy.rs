@@ -18,6 +18,9 @@ pub enum Canopy {
     Square(FlatCanopy),
     /// A flat circular canopy with lines from its rim to one confluence point.
     Circular(FlatCanopy),
+    /// A canopy of gores around a crown vent: flat circular, conical or hemispherical, with a line from each seam to one confluence point. A flow needs
+    /// `[flow.immersed]`.
+    Gored(GoredCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
     /// A surface mesh from a Gmsh file (format 4.1, metres); a flow needs `[flow.grid_file]`.
@@ -125,6 +128,57 @@ fn one() -> u32 {
     1
 }
 
+/// A canopy of gores: panels from the crown vent to the skirt, sewn along radial seams, each straight across in the constructed shape.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GoredCanopy {
+    /// Constructed shape of the gores along their middle line.
+    #[serde(default)]
+    pub profile: GoreProfile,
+    /// Nominal diameter D0, m: that of a circle with the area S0 of all gores, the vent included.
+    pub nominal_diameter_m: f64,
+    /// Number of gores (even), and of lines.
+    pub gores: u32,
+    /// Diameter of the crown vent between opposite seams, m. Absent: a tenth of the nominal diameter, 1 % of the area.
+    pub vent_diameter_m: Option<f64>,
+    /// Angle of the gores below the horizontal in the constructed shape of a conical canopy, degrees.
+    pub cone_angle_deg: Option<f64>,
+    /// Quadrilaterals across a gore (even).
+    #[serde(default = "two")]
+    pub cells_per_gore: u32,
+    /// Quadrilaterals along a gore.
+    pub cells_along: u32,
+    /// Unstretched length of a line, m.
+    pub line_length_m: f64,
+    /// Cable elements for each line.
+    #[serde(default = "one")]
+    pub segments_per_line: u32,
+}
+
+fn two() -> u32 {
+    2
+}
+
+impl GoredCanopy {
+    /// Diameter of the vent, m: the scene's, or the default.
+    pub fn vent_diameter(&self) -> f64 {
+        self.vent_diameter_m.unwrap_or(0.1 * self.nominal_diameter_m)
+    }
+}
+
+/// Constructed shape of gores along their middle line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum GoreProfile {
+    /// In one plane: a flat circular canopy.
+    #[default]
+    Flat,
+    /// Straight, at `cone_angle_deg` below the horizontal.
+    Conical,
+    /// A quarter of a circle.
+    Hemispherical,
+}
+
 /// One octant of the square air bag of the paper: a quarter of the upper sheet.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
@@ -185,6 +239,7 @@ impl Scene {
         match &self.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
+            Canopy::Gored(_) => true,
             // A file may have none; what it has needs [lines], which the structure checks.
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) | Canopy::None => false,
         }
@@ -216,6 +271,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             atps_cells(a, c);
         }
         Canopy::Square(f) | Canopy::Circular(f) => flat(f, c),
+        Canopy::Gored(g) => gored(g, c),
         Canopy::AirBag(a) => {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");
@@ -344,13 +400,53 @@ fn flat(f: &FlatCanopy, c: &mut Check) {
     }
 }
 
+fn gored(g: &GoredCanopy, c: &mut Check) {
+    c.positive("canopy.nominal_diameter_m", g.nominal_diameter_m, 200.0, LENGTH);
+    c.positive("canopy.line_length_m", g.line_length_m, 500.0, LENGTH);
+    let diameter = g.nominal_diameter_m;
+    c.positive(
+        "canopy.vent_diameter_m",
+        g.vent_diameter(),
+        0.9 * diameter,
+        "less than nine tenths of the canopy",
+    );
+    even("canopy.gores", g.gores, 4..=400, "gores", c);
+    even("canopy.cells_per_gore", g.cells_per_gore, 2..=200, "cells across a gore", c);
+    c.count("canopy.cells_along", g.cells_along, 2..=2000, "cells along a gore");
+    line_segments(g.segments_per_line, c);
+    match (g.profile, g.cone_angle_deg) {
+        (GoreProfile::Conical, Some(angle)) => {
+            c.range(
+                "canopy.cone_angle_deg",
+                angle,
+                1.0..=80.0,
+                "degrees below the horizontal, 20 to 30 are usual",
+            );
+        }
+        (GoreProfile::Conical, None) => c.refuse(
+            "canopy.cone_angle_deg",
+            "a conical canopy has no `cone_angle_deg`",
+            "add it: degrees below the horizontal, 20 to 30 are usual",
+        ),
+        (_, Some(_)) => c.refuse(
+            "canopy.cone_angle_deg",
+            "`cone_angle_deg` belongs to profile = \"conical\"",
+            "remove it, or set profile = \"conical\"",
+        ),
+        (_, None) => {}
+    }
+}
+
 fn even_cells(cells: u32, c: &mut Check) {
-    let path = "canopy.cells_across";
-    c.count(path, cells, 2..=2000, "cells across a panel");
-    if cells % 2 == 1 {
+    even("canopy.cells_across", cells, 2..=2000, "cells across a panel", c);
+}
+
+fn even(path: &str, count: u32, range: std::ops::RangeInclusive<u32>, what: &str, c: &mut Check) {
+    c.count(path, count, range, what);
+    if count % 2 == 1 {
         c.refuse(
             path,
-            format!("`{path}` is {cells}, which is odd"),
+            format!("`{path}` is {count}, which is odd"),
             "an even number keeps the canopy's symmetry",
         );
     }

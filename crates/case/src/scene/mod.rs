@@ -48,7 +48,10 @@ pub use body_motion::{BodyMotion, BodyRotation, Pose, RigidMotion};
 pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
-pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
+pub use canopy::{
+    AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, GoreProfile, GoredCanopy, PanelCanopy, PanelEdges,
+    StitchedEnd,
+};
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
     StaggeredSequence,

@@ -122,6 +122,7 @@ impl Canopy {
             Canopy::Atps(_) => &TapePlace::ALL,
             Canopy::Square(_) | Canopy::Panel(_) => &[TapePlace::Hem, TapePlace::Grid],
             Canopy::Circular(_) => &[TapePlace::Hem],
+            Canopy::Gored(_) => &[TapePlace::Hem, TapePlace::Seams, TapePlace::Vents],
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => &[],
         }
     }
@@ -184,8 +185,10 @@ fn risers(scene: &Scene, c: &mut Check) {
             "add [lines] with their material, or remove [risers]",
         );
     }
-    if matches!(scene.canopy, Canopy::Square(_) | Canopy::Circular(_) | Canopy::Panel(_) | Canopy::AirBag(_))
-    {
+    if matches!(
+        scene.canopy,
+        Canopy::Square(_) | Canopy::Circular(_) | Canopy::Gored(_) | Canopy::Panel(_) | Canopy::AirBag(_)
+    ) {
         c.refuse(
             "risers",
             "a canopy of this kind has no risers",

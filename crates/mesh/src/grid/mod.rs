@@ -113,6 +113,13 @@ fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks,
         Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
         Canopy::Square(f) => (flat_layout(f, false)?, f.width_m),
         Canopy::Circular(f) => (flat_layout(f, true)?, f.width_m),
+        Canopy::Gored(_) => {
+            return Err(refuse(
+                "canopy.kind",
+                "gored",
+                "no fitted grid is made around gores: add [flow.immersed] with spacing_m",
+            ));
+        }
         Canopy::AirBag(_) => {
             return Err(refuse(
                 "canopy.kind",

@@ -3,6 +3,7 @@
 mod atps;
 mod flat;
 mod gmsh;
+mod gored;
 mod hung_mass;
 mod node_sets;
 mod panel;
@@ -35,6 +36,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Atps(a) => atps::atps(a, payload_mass),
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
+        Canopy::Gored(g) => gored::gored(g, payload_mass),
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
         Canopy::Panel(p) => panel::panel(p),

@@ -31,6 +31,7 @@ impl StructureMesh {
                 self.tape_grid(tapes, &[Lattice { cells: [layout.n; 2], node: &node }]);
             }
             Canopy::Circular(f) => self.tape_sheet(&flat_layout(f, true)?.rim(), tapes),
+            Canopy::Gored(g) => self.tape_gores(g, tapes),
             Canopy::Panel(p) => self.tape_panel(p, tapes),
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => {}
         }
@@ -89,7 +90,7 @@ impl StructureMesh {
     }
 
     /// Adds elements along `nodes`, as one line.
-    fn tape(&mut self, place: TapePlace, nodes: impl Iterator<Item = u32>) {
+    pub(super) fn tape(&mut self, place: TapePlace, nodes: impl Iterator<Item = u32>) {
         let line = self.next_line();
         let nodes: Vec<u32> = nodes.collect();
         for pair in nodes.windows(2) {

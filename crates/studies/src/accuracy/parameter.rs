@@ -189,6 +189,10 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
             }
         }
         Canopy::Square(c) | Canopy::Circular(c) => c.cells_across = even(c.cells_across, f),
+        Canopy::Gored(g) => {
+            g.cells_along = times(g.cells_along, f);
+            g.cells_per_gore = even(g.cells_per_gore, f);
+        }
         Canopy::AirBag(b) => b.cells_across = times(b.cells_across, f),
         Canopy::Panel(p) => p.cells = p.cells.map(|c| if c == 1 { 1 } else { times(c, f) }),
         Canopy::Gmsh(_) | Canopy::None => {}
