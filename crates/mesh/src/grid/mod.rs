@@ -106,45 +106,30 @@ fn check_extents(grid: &Grid) -> Result<(), MeshError> {
     Ok(())
 }
 
+/// Nodes of the canopy in rows and columns, and its width, m.
+fn canopy_layout(scene: &Scene) -> Result<(AtpsLayout, f64), MeshError> {
+    let none = |kind, reason: &str| Err(refuse("canopy.kind", kind, reason));
+    match &scene.canopy {
+        Canopy::Atps(a) => Ok((AtpsLayout::new(a)?, a.top_width_m)),
+        Canopy::Square(f) => Ok((flat_layout(f, false)?, f.width_m)),
+        Canopy::Circular(f) => Ok((flat_layout(f, true)?, f.width_m)),
+        Canopy::Gored(_) => {
+            none("gored", "no fitted grid is made around gores: add [flow.immersed] with spacing_m")
+        }
+        Canopy::AirBag(_) => none("air-bag", "the air bag has no flow grid; run the structure alone"),
+        Canopy::Panel(_) => none("panel", "the grid around a panel is a box: add [flow.box]"),
+        Canopy::None => none("none", "no grid is generated without a canopy: add [flow.grid_file]"),
+        Canopy::Gmsh(_) => none(
+            "gmsh",
+            "flow grids are generated for parametric canopies only; add [flow.grid_file], or run the structure alone",
+        ),
+    }
+}
+
 /// Blocks and the width of the canopy, m.
 fn blocks(scene: &Scene, grid: &Grid, canopy: &StructureMesh) -> Result<(Blocks, f64), MeshError> {
     check_extents(grid)?;
-    let (layout, width) = match &scene.canopy {
-        Canopy::Atps(a) => (AtpsLayout::new(a)?, a.top_width_m),
-        Canopy::Square(f) => (flat_layout(f, false)?, f.width_m),
-        Canopy::Circular(f) => (flat_layout(f, true)?, f.width_m),
-        Canopy::Gored(_) => {
-            return Err(refuse(
-                "canopy.kind",
-                "gored",
-                "no fitted grid is made around gores: add [flow.immersed] with spacing_m",
-            ));
-        }
-        Canopy::AirBag(_) => {
-            return Err(refuse(
-                "canopy.kind",
-                "air-bag",
-                "the air bag has no flow grid; run the structure alone",
-            ));
-        }
-        Canopy::Panel(_) => {
-            return Err(refuse("canopy.kind", "panel", "the grid around a panel is a box: add [flow.box]"));
-        }
-        Canopy::None => {
-            return Err(refuse(
-                "canopy.kind",
-                "none",
-                "no grid is generated without a canopy: add [flow.grid_file]",
-            ));
-        }
-        Canopy::Gmsh(_) => {
-            return Err(refuse(
-                "canopy.kind",
-                "gmsh",
-                "flow grids are generated for parametric canopies only; add [flow.grid_file], or run the structure alone",
-            ));
-        }
-    };
+    let (layout, width) = canopy_layout(scene)?;
     let first = positive("flow.grid.first_layer_m", grid.first_layer_m)?;
     if first > 0.25 * width {
         return Err(refuse(
