@@ -45,7 +45,8 @@ fn flow_method_changes_between_stages() {
         println!("{stage}: drag {:.1?} N", history.column("drag_n"));
         println!("{stage}: iterations {:?}", history.column("coupling_iterations"));
     }
-    for pair in histories.windows(2) {
+    // Measured: 0.19 and 0.35.
+    for (pair, bound) in histories.windows(2).zip([0.22, 0.39]) {
         let [before, after] = [&pair[0], &pair[1]];
         let last = |name: &str| *before.column(name).last().expect("rows");
         // Weight and drag change the speed by less than g dt each.
@@ -58,7 +59,7 @@ fn flow_method_changes_between_stages() {
         let drag =
             after.column("drag_n").iter().map(|d| (d / last("drag_n") - 1.0).abs()).fold(0.0, f64::max);
         println!("drag deviates by at most {drag:.3}, speed changes by {change:.4} m/s in the first window");
-        assert!(drag < 0.4, "{drag}");
+        assert!(drag < bound, "{drag}");
     }
 
     // A run in two parts that is interrupted in the fitted stage.

@@ -337,7 +337,7 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
         c.refuse(
             &at("kind"),
             "an air-bag octant, a canopy of gores or one from a file has no flow grid around it",
-            "use kind = \"pre-inflation\", give a grid by [flow.grid_file], or use [flow.immersed]",
+            "use kind = \"pre-inflation\", give a grid by [flow.grid_file], or use [flow.immersed] without flow_method = \"fitted\"",
         );
     }
 }
