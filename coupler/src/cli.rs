@@ -43,6 +43,8 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Write a commented scene of a canopy type, to start from
+    New(crate::new_command::NewArgs),
     /// Run a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
     Run(RunCommand),
@@ -295,6 +297,10 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
+        Command::New(args) => {
+            print(&crate::new_command::new_scene(&args)?);
+            Ok(())
+        }
         Command::Run(RunCommand { run, only }) => run_scene(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };

@@ -16,6 +16,7 @@ mod former_options;
 pub mod hub;
 pub mod launch;
 pub mod mesh_command;
+mod new_command;
 pub mod replay;
 pub mod run;
 pub mod settings;

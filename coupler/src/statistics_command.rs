@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use results::history;
+use results::opening::{Opening, OpeningReference};
 use results::settled::SettledMean;
 use results::wake::Wake;
 use serde::Serialize;
@@ -29,6 +31,8 @@ struct StageStatistics {
     settled: Vec<SettledMean>,
     /// Wake of the last half of the windows; `None` where it is not assessed.
     wake: Option<Wake>,
+    /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage, and for a file.
+    opening: Option<Opening>,
     /// Why the means are not those of a developed wake.
     warning: Option<String>,
 }
@@ -38,9 +42,10 @@ struct StageStatistics {
 /// # Errors
 /// [`RunError::Input`]: the path has no history with a flow.
 pub fn statistics(args: &StatisticsArgs) -> Result<String, RunError> {
+    let reference = reference(&args.path);
     let stages: Vec<StageStatistics> = histories(&args.path)?
         .into_iter()
-        .map(|(name, file)| of(name, &file))
+        .map(|(name, file)| of(name, &file, reference.as_ref()))
         .collect::<Result<Vec<Option<StageStatistics>>, RunError>>()?
         .into_iter()
         .flatten()
@@ -71,8 +76,18 @@ fn histories(path: &Path) -> Result<Vec<(String, PathBuf)>, RunError> {
     Ok(names.filter(|(_, file)| file.is_file()).collect())
 }
 
+/// Air and canopy of the run in a results folder.
+fn reference(path: &Path) -> Option<OpeningReference> {
+    let scene = path.is_dir().then(|| crate::diff_command::scene_of(path).ok())??;
+    OpeningReference::of(&scene, &CanopyInterface::new(&scene).ok()?)
+}
+
 /// Of a history; `None` for a stage without a flow or a completed window.
-fn of(stage: String, file: &Path) -> Result<Option<StageStatistics>, RunError> {
+fn of(
+    stage: String,
+    file: &Path,
+    reference: Option<&OpeningReference>,
+) -> Result<Option<StageStatistics>, RunError> {
     let (columns, _) = history::read_complete_rows(file)?;
     let windows = columns.iter().find(|(name, _)| name == "drag_n").map_or(0, |(_, values)| values.len());
     if windows == 0 {
@@ -83,7 +98,8 @@ fn of(stage: String, file: &Path) -> Result<Option<StageStatistics>, RunError> {
     // A warning about means stands where there is one.
     let verdict = wake.as_ref().filter(|_| !settled.is_empty()).and_then(Wake::verdict);
     let warning = verdict.map(|verdict| verdict.warning(&stage));
-    Ok(Some(StageStatistics { stage, windows, settled, wake, warning }))
+    let opening = reference.and_then(|r| Opening::of_history(&columns, r));
+    Ok(Some(StageStatistics { stage, windows, settled, wake, opening, warning }))
 }
 
 fn text(stage: &StageStatistics) -> String {
@@ -91,6 +107,7 @@ fn text(stage: &StageStatistics) -> String {
         vec![format!("stage `{}`, {}:", stage.stage, terminal::counted(stage.windows as u64, "window"))];
     lines.extend(stage.settled.iter().map(|mean| format!("  {}", mean.line())));
     lines.extend(stage.wake.iter().map(|wake| format!("  {}", wake.line())));
+    lines.extend(stage.opening.iter().map(|opening| format!("  {}", opening.line())));
     lines.extend(stage.warning.iter().map(|warning| format!("  warning: {warning}")));
     if let Some(mean) = stage.settled.first() {
         lines.push(format!("  method: {}", mean.method));

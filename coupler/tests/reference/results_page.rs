@@ -7,6 +7,7 @@ use results::columns::{self, Column};
 use results::files::{self, ResultFile};
 use results::finding::{Finding, Severity};
 use results::history;
+use results::opening::{Opening, OpeningReference};
 use results::recording::compare::FIELDS;
 use results::settled::SettledMean;
 use results::summary::{RunSummary, StageSummary};
@@ -32,6 +33,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("RunSummary", "crates/results/src/summary.rs"),
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Wake", "crates/results/src/wake.rs"),
+    ("Opening", "crates/results/src/opening.rs"),
     ("SettledMean", "crates/results/src/settled.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
     ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
@@ -192,6 +194,15 @@ fn summary() -> RunSummary {
     let time: Vec<f64> = (1..100).map(f64::from).collect();
     let drag = time.iter().map(|t| t.sin()).collect();
     stage.wake = Wake::of(&stage.wake_samples);
+    let (area, force) = ("projected_area_m2".into(), "riser_force_n".into());
+    let opens: Vec<(String, Vec<f64>)> = vec![
+        ("time_s".into(), vec![1.0, 2.0, 3.0]),
+        ("stream_diameters".into(), vec![1.0, 2.0, 3.0]),
+        (area, vec![1.0, 2.0, 3.0]),
+        (force, vec![1.0, 2.0, 3.0]),
+    ];
+    let air = OpeningReference { density_kg_m3: 1.0, nominal_area_m2: 1.0, mass_kg: None };
+    stage.opening = Opening::of_history(&opens, &air);
     stage.settled = SettledMean::all(&[("time_s".into(), time), ("drag_n".into(), drag)]);
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {

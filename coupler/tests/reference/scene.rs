@@ -364,11 +364,18 @@ fn listed(names: &[(String, String)]) -> String {
         .collect()
 }
 
+/// Path of a section on the page: a table within a kind of canopy has no kind.
+fn on_page(path: &str) -> String {
+    if path.contains(").") { plain(path) } else { path.to_owned() }
+}
+
 fn heading(s: &Section) -> String {
-    match s.path.split_once('(') {
-        None if s.path.is_empty() => "## Top level".into(),
-        None if s.is_list => format!("## `[[{}]]`", s.path),
-        None => format!("## `[{}]`", s.path),
+    let path = on_page(&s.path);
+    match path.split_once('(') {
+        None if path.is_empty() => "## Top level".into(),
+        None if path != s.path => format!("### `[[{path}]]`"),
+        None if s.is_list => format!("## `[[{path}]]`"),
+        None => format!("## `[{path}]`"),
         Some((_, kind)) => format!("### `kind = \"{}\"`", kind.trim_end_matches(')')),
     }
 }
@@ -388,6 +395,8 @@ fn keys_of_page(text: &str) -> Vec<String> {
             } else {
                 heading.trim_matches(['`', '[', ']']).into()
             };
+        } else if let Some(table) = line.strip_prefix("### `[[") {
+            section = table.trim_end_matches(['`', ']']).into();
         } else if let Some(kind) = line.strip_prefix("### `kind = ") {
             section = format!("canopy({})", kind.trim_matches(['`', '"']));
         } else if let Some((key, _)) = line.strip_prefix("| `").and_then(|rest| rest.split_once('`')) {
@@ -403,7 +412,7 @@ fn page_has_every_key_of_the_committed_schema_once_and_none_else() {
     keys.sort();
     let sections = Schema::committed().sections();
     let mut all: Vec<String> =
-        sections.iter().flat_map(|s| s.keys.iter().map(|k| join(&s.path, &k.name))).collect();
+        sections.iter().flat_map(|s| s.keys.iter().map(|k| join(&on_page(&s.path), &k.name))).collect();
     all.sort();
     assert!(all.len() > 250, "{} keys", all.len());
     assert_eq!(keys, all);

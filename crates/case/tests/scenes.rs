@@ -430,13 +430,77 @@ fn flow_methods_that_cannot_follow_each_other_are_refused() {
 
 /// A canopy of gores in an immersed flow; `canopy`: more keys of its table.
 fn gored(canopy: &str) -> Result<Scene, String> {
+    immersed("gored", canopy)
+}
+
+/// A canopy of a kind in an immersed flow.
+fn immersed(kind: &str, canopy: &str) -> Result<Scene, String> {
     let text = include_str!("../../../cases/square-drop/scene.toml");
     let (from, to) = (text.find("[canopy]").expect("a canopy"), text.find("[fabric]").expect("fabric"));
     let stage = text.find("[[stage]]\nname = \"developed-flow\"").expect("a stage");
-    let canopy = format!("[canopy]\nkind = \"gored\"\n{canopy}\n");
+    let canopy = format!("[canopy]\nkind = \"{kind}\"\n{canopy}\n");
     let text = text[..from].to_owned() + &canopy + &text[to..stage] + &text[stage..];
     read(&text.replace("[flow.grid]", "[flow.immersed]\nspacing_m = 0.15\n\n[flow.grid]"))
         .map_err(|e| e.to_string())
+}
+
+#[test]
+fn sections_of_gores_are_checked() {
+    let sizes = "nominal_diameter_m = 8.0\nline_length_m = 7.0\ncells_along = 8\ngores = 24\nprofile = \"sections\"\n";
+    let section = |more: &str| format!("[[canopy.section]]\nlength = 1.0\n{more}\n");
+    let disk_and_band = section("") + &section("angle_deg = 90.0");
+    let scene = gored(&(sizes.to_owned() + &disk_and_band)).unwrap_or_else(|e| panic!("{e}"));
+    let case::Canopy::Gored(g) = &scene.canopy else { panic!("gores") };
+    assert_eq!(
+        g.sections.iter().map(|s| (s.angle_deg, s.gap)).collect::<Vec<_>>(),
+        [(0.0, false), (90.0, false)]
+    );
+    let gap = section("gap = true");
+    for (sections, message) in [
+        (String::new(), "has no [[canopy.section]]"),
+        (section("angle_deg = 90.0"), "canopy.section[0].angle_deg"),
+        (section("") + &gap, "a gap is the first or the last section"),
+        (section("") + &gap + &section(""), "no radial tapes hold the parts together"),
+        (section("").repeat(9), "8 cells along a gore for 9 sections"),
+        (section("length_m = 2.0"), "length_m"),
+    ] {
+        let error = gored(&(sizes.to_owned() + &sections)).expect_err(message);
+        assert!(error.contains(message), "{message}: {error}");
+    }
+    let taped =
+        section("") + &gap + &section("") + "[tapes.seams]\naxial_stiffness_n = 1e4\nmass_kg_m = 0.01\n";
+    gored(&(sizes.to_owned() + &taped)).unwrap_or_else(|e| panic!("{e}"));
+    let flat = sizes.replace("profile = \"sections\"\n", "");
+    let error = gored(&(flat + &disk_and_band)).expect_err("a flat canopy with sections");
+    assert!(error.contains("belongs to profile = \"sections\""), "{error}");
+}
+
+#[test]
+fn crosses_are_checked() {
+    // Each key once: `change` replaces its line.
+    let cross = |change: &str| {
+        let keys = [
+            "panel_width_m = 2.0",
+            "panel_length_m = 6.0",
+            "cells_across = 4",
+            "cells_along_arm = 5",
+            "lines_per_arm = 3",
+            "line_length_m = 7.0",
+        ];
+        let key = change.split(' ').next().unwrap_or_default();
+        let kept = keys.iter().filter(|k| !k.starts_with(&format!("{key} "))).map(|k| format!("{k}\n"));
+        immersed("cross", &(kept.collect::<String>() + change))
+    };
+    cross("").unwrap_or_else(|e| panic!("{e}"));
+    for (change, message) in [
+        ("panel_length_m = 1.5", "is not longer than wide"),
+        ("cells_across = 5", "`canopy.cells_across` is 5, which is odd"),
+        ("lines_per_arm = 6", "do not fit on the 5 nodes"),
+        ("line_length_m = 3.0", "make them longer than 3.162 m"),
+    ] {
+        let error = cross(change).expect_err(change);
+        assert!(error.contains(message), "{change}: {error}");
+    }
 }
 
 #[test]

@@ -29,7 +29,8 @@ pub const CHECKS: &[Check] = &[
                    descent.initial_speed_m_s with the wind and gust of that stage",
         range: "warning at 0 m/s; error at 0 m/s in a scene with a flow-only stage and neither gust, shear nor data of \
                 inlets, outlets or walls; \
-                warning above three times the steady speed of descent.steady-speed",
+                warning above three times the steady speed of descent.steady-speed, a note where the canopy opens from a \
+                gathered skirt",
         source: "a flow-only stage at 0 m/s develops no flow; drag coefficients refer to the initial speed; at three \
                  times the steady speed the drag is nine times the weight",
         severity: Error,
@@ -39,9 +40,9 @@ pub const CHECKS: &[Check] = &[
     Check {
         id: "descent.drag-coefficient",
         what: "weight and drag balance at the initial speed with a realistic drag coefficient",
-        estimate: "C = m g / (1/2 rho V^2 S) with the initial speed V, on the constructed area S_0 (fabric) and on \
-                   descent.reference_area_m2",
-        range: "0.3 to 1.1 on the constructed area: warning outside",
+        estimate: "C = m g / (1/2 rho V^2 S) with the initial speed V, on the nominal area S_0 (fabric; of gores with vent and gaps) \
+                   and on descent.reference_area_m2",
+        range: "0.3 to 1.1 on the nominal area: warning outside, a note where the canopy opens from a gathered skirt",
         source: "Knacke, Parachute Recovery Systems Design Manual (1992), tables 5-1 to 5-5, secondary source: cross \
                  0.60 to 0.85, flat circular 0.75 to 0.80, hemispherical 0.62 to 0.77, slotted canopies from 0.3; the \
                  ATPS needs 0.51 to 0.55",
@@ -66,7 +67,7 @@ pub const CHECKS: &[Check] = &[
         what: "the reference area is of the order of the canopy area",
         estimate: "descent.reference_area_m2 / S_0",
         range: "0.1 to 1.5: warning outside",
-        source: "constructed area 1, projected area about 0.5, the ATPS's square top 0.30",
+        source: "nominal area 1, projected area about 0.5, the ATPS's square top 0.30",
         severity: Warning,
         remedy: "set descent.reference_area_m2 in m2; it affects drag coefficients only, not the motion",
         when: When::Before(reference_area),
@@ -75,7 +76,8 @@ pub const CHECKS: &[Check] = &[
         id: "descent.pressure",
         what: "the pressure of a pre-inflation is of the order of the dynamic pressure of the descent",
         estimate: "pressure_pa / q with the dynamic pressure q = 1/2 rho V^2 of the initial speed",
-        range: "0.2 to 3: warning outside, and at 0 Pa; error below 0 Pa on a canopy with suspension lines",
+        range: "0.2 to 3: warning outside, and at 0 Pa, a note where the canopy opens from a gathered skirt; error below 0 Pa on \
+                a canopy with suspension lines",
         source: "the pressure jump is between 1 q (stagnation) and 1.7 q (with suction outside); the jump is inside \
                  minus outside, so a negative value pushes the canopy towards the payload",
         severity: Error,
@@ -126,10 +128,10 @@ fn missing(f: &Facts<'_>) -> Vec<Judged> {
     }]
 }
 
-/// Speed at which weight and drag balance with [`USUAL_DRAG`] on the fabric area, m/s; 0 without weight.
+/// Speed at which weight and drag balance with [`USUAL_DRAG`] on the nominal area, m/s; 0 without weight.
 pub(super) fn balance_speed(f: &Facts<'_>) -> f64 {
     let n = &f.numbers;
-    (2.0 * f.weight() / (n.density * USUAL_DRAG * n.fabric_area)).sqrt()
+    (2.0 * f.weight() / (n.density * USUAL_DRAG * f.nominal_area())).sqrt()
 }
 
 fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
@@ -161,7 +163,7 @@ fn initial_speed(f: &Facts<'_>) -> Vec<Judged> {
             digits(steady),
             digits((speed / steady).powi(2))
         );
-        return vec![Judged::new(Warning, key, figure)];
+        return vec![Judged::new(f.off_balance(), key, figure)];
     }
     Vec::new()
 }
@@ -196,15 +198,15 @@ fn drag_coefficient(f: &Facts<'_>) -> Vec<Judged> {
     if q == 0.0 || f.weight() == 0.0 || !f.has(StageKind::Coupled) {
         return Vec::new();
     }
-    let constructed = f.weight() / (q * f.numbers.fabric_area);
-    let severity = if (0.3..=1.1).contains(&constructed) { Note } else { Warning };
+    let constructed = f.weight() / (q * f.nominal_area());
+    let severity = if (0.3..=1.1).contains(&constructed) { Note } else { f.off_balance() };
     let figure = format!(
-        "the weight of {} N balances the drag at {} m/s with a coefficient of {} on the constructed area of {} m2 \
+        "the weight of {} N balances the drag at {} m/s with a coefficient of {} on the nominal area of {} m2 \
          ({} on the reference area); a coefficient of {USUAL_DRAG} gives a steady speed of {} m/s",
         digits(f.weight()),
         digits(f.numbers.release_speed),
         digits(constructed),
-        digits(f.numbers.fabric_area),
+        digits(f.nominal_area()),
         digits(f.weight() / (q * d.reference_area_m2)),
         digits(balance_speed(f))
     );
@@ -218,9 +220,9 @@ fn steady_speed(f: &Facts<'_>) -> Vec<Judged> {
     let speed = balance_speed(f);
     let severity = if (2.0..=20.0).contains(&speed) { Note } else { Warning };
     let figure = format!(
-        "{} kg under {} m2 of fabric descend at about {} m/s",
+        "{} kg under {} m2 descend at about {} m/s",
         digits(f.numbers.falling_mass),
-        digits(f.numbers.fabric_area),
+        digits(f.nominal_area()),
         digits(speed)
     );
     vec![Judged::new(severity, "descent.payload_mass_kg", figure)]
@@ -228,14 +230,14 @@ fn steady_speed(f: &Facts<'_>) -> Vec<Judged> {
 
 fn reference_area(f: &Facts<'_>) -> Vec<Judged> {
     let Some(d) = f.scene.descent.as_ref().filter(|_| f.is_parachute()) else { return Vec::new() };
-    let share = d.reference_area_m2 / f.numbers.fabric_area;
+    let share = d.reference_area_m2 / f.nominal_area();
     if (0.1..=1.5).contains(&share) {
         return Vec::new();
     }
     let figure = format!(
-        "the reference area of drag coefficients is {} m2, the fabric area {} m2",
+        "the reference area of drag coefficients is {} m2, the nominal area {} m2",
         digits(d.reference_area_m2),
-        digits(f.numbers.fabric_area)
+        digits(f.nominal_area())
     );
     vec![Judged::new(Warning, "descent.reference_area_m2", figure)]
 }
@@ -256,7 +258,7 @@ fn pressure(f: &Facts<'_>) -> Vec<Judged> {
             found.push(Judged::new(Error, key, figure));
         } else if followed && q > 0.0 {
             let ratio = p / q;
-            let severity = if (0.2..=3.0).contains(&ratio) { Note } else { Warning };
+            let severity = if (0.2..=3.0).contains(&ratio) { Note } else { f.off_balance() };
             let figure = format!(
                 "stage `{}` loads the canopy with {} Pa, {} times the dynamic pressure of {} Pa at the initial speed",
                 stage.name,

@@ -7,6 +7,8 @@ use coupling::interface::CanopyInterface;
 use effects::numbers::Numbers;
 use mesh::{CableKind, GridSizes, MeshError, StructureMesh};
 
+use super::finding::Severity;
+
 /// Resources of a machine.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Machine {
@@ -105,7 +107,7 @@ impl<'a> Facts<'a> {
         match &self.scene.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
-            Canopy::Gored(_) => true,
+            Canopy::Gored(_) | Canopy::Cross(_) => true,
             Canopy::Gmsh(_) => self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine),
             Canopy::AirBag(_) | Canopy::Panel(_) | Canopy::None => false,
         }
@@ -141,9 +143,22 @@ impl<'a> Facts<'a> {
         .fold((0.0, "no load"), |most, next| if next.0 > most.0 { next } else { most })
     }
 
-    /// Diameter of a circle of the fabric area, $`D_0 = \sqrt{4 S_0 / \pi}`$, m.
+    /// Nominal area $`S_0`$, m2: of gores with vent and gaps, else of the fabric.
+    pub fn nominal_area(&self) -> f64 {
+        match &self.scene.canopy {
+            Canopy::Gored(g) => g.nominal_area(),
+            _ => self.numbers.fabric_area,
+        }
+    }
+
+    /// Diameter of a circle of the nominal area, $`D_0 = \sqrt{4 S_0 / \pi}`$, m.
     pub fn nominal_diameter(&self) -> f64 {
-        (4.0 * self.numbers.fabric_area / std::f64::consts::PI).sqrt()
+        (4.0 * self.nominal_area() / std::f64::consts::PI).sqrt()
+    }
+
+    /// `Warning`, or `Note` for a canopy that opens from a gathered skirt, far from the balance of weight and drag.
+    pub fn off_balance(&self) -> Severity {
+        if self.scene.opens_gathered() { Severity::Note } else { Severity::Warning }
     }
 
     /// Cells of the flow grid, 0 if there is none.

@@ -66,6 +66,11 @@ impl Columns {
         Wake::of_history(&self.0)
     }
 
+    /// All columns with their names.
+    pub(super) fn all(&self) -> &[(String, Vec<f64>)] {
+        &self.0
+    }
+
     /// Number of windows.
     pub(super) fn rows(&self) -> usize {
         self.0.first().map_or(0, |(_, v)| v.len())

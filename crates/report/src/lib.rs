@@ -16,6 +16,7 @@ mod facts;
 mod frames;
 mod html;
 mod markdown;
+mod opening_loads;
 mod openings;
 mod origin;
 mod pack;

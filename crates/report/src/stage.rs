@@ -11,7 +11,7 @@ use super::data::{Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
-use super::{facts, origin};
+use super::{facts, opening_loads, origin};
 
 /// The section of a stage.
 pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>) -> Section {
@@ -57,6 +57,10 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     {
         blocks.push(Block::Text(format!("Settled means. Method: {METHOD}. The main period is the peak of the periodogram, given if it carries at \
              least a quarter of the variance.")));
+        blocks.push(Block::Table(table));
+    }
+    if let Some(table) = opening_loads::table(run, stage) {
+        blocks.push(Block::Text(opening_loads::OPENING.into()));
         blocks.push(Block::Table(table));
     }
     if let Some(table) = wake_table(stage) {

@@ -1,11 +1,7 @@
 //! Settled means of the quantities of a stage, from its `history.csv`.
 
-use std::path::Path;
-
-use coupling::error::RunError;
 use serde::{Deserialize, Serialize};
 
-use crate::history;
 use crate::long_term::{LongTerm, METHOD, MIN_BATCHES, State, long_term};
 
 /// Column of `history.csv`, name and unit of the quantities that have a settled mean.
@@ -79,14 +75,6 @@ impl SettledMean {
     /// Of all [`QUANTITIES`] of a history that have one.
     pub fn all(columns: &[(String, Vec<f64>)]) -> Vec<Self> {
         QUANTITIES.iter().filter_map(|(name, _, _)| Self::of(name, columns)).collect()
-    }
-
-    /// Of all [`QUANTITIES`] of a history file, which may be that of a running or interrupted stage.
-    ///
-    /// # Errors
-    /// The file cannot be read, or is not a history.
-    pub fn of_file(path: &Path) -> Result<Vec<Self>, RunError> {
-        Ok(Self::all(&history::read_complete_rows(path)?.0))
     }
 
     /// Name and unit of the quantity.
@@ -209,10 +197,11 @@ mod tests {
             text += &format!("{k},{t},{}\n", 4.6 + swing(t));
         }
         std::fs::write(&file, &text).expect("written");
-        let complete = SettledMean::of_file(&file).expect("a history");
+        let means = || SettledMean::all(&crate::history::read_complete_rows(&file).expect("a history").0);
+        let complete = means();
         std::fs::write(&file, text + "3000,60.0,4").expect("written");
-        assert_eq!(SettledMean::of_file(&file).expect("a history"), complete);
+        assert_eq!(means(), complete);
         std::fs::write(&file, "").expect("written");
-        assert_eq!(SettledMean::of_file(&file).expect("no row yet"), []);
+        assert_eq!(means(), []);
     }
 }

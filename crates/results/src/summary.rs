@@ -13,6 +13,7 @@ use terminal::{clock, counted};
 
 use crate::finding::Finding;
 use crate::history::Row;
+use crate::opening::{Opening, OpeningReference};
 use crate::settled::SettledMean;
 use crate::timings::StageTimings;
 use crate::wake::{Sample, Wake};
@@ -127,6 +128,9 @@ pub struct StageSummary {
     /// Settled means of the quantities of `history.csv`; empty in a stage without a flow and in one with fewer than 40 windows.
     #[serde(default)]
     pub settled: Vec<SettledMean>,
+    /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage.
+    #[serde(default)]
+    pub opening: Option<Opening>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -197,6 +201,7 @@ impl StageSummary {
             largest_leakage_share: None,
             wake: None,
             settled: Vec::new(),
+            opening: None,
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -214,12 +219,17 @@ impl StageSummary {
         }
     }
 
-    /// Evaluates the wake and the settled means over the windows so far, the latter from the history file of the stage. A history that cannot be read
-    /// leaves them out: it is not needed for the run.
-    pub fn assess(&mut self, history: &Path) {
+    /// Evaluates the wake, the settled means and the opening over the windows so far, the last two from the history file of the stage. A history that cannot be
+    /// read leaves them out: it is not needed for the run.
+    pub fn assess(&mut self, history: &Path, reference: Option<&OpeningReference>) {
         self.wake = Wake::of(&self.wake_samples);
-        if self.kind.roles().contains(&Role::Flow) {
-            self.settled = SettledMean::of_file(history).unwrap_or_default();
+        if !self.kind.roles().contains(&Role::Flow) {
+            return;
+        }
+        let Ok((columns, _)) = crate::history::read_complete_rows(history) else { return };
+        self.settled = SettledMean::all(&columns);
+        if self.kind == StageKind::Coupled {
+            self.opening = reference.and_then(|r| Opening::of_history(&columns, r));
         }
     }
 
@@ -408,6 +418,9 @@ impl RunSummary {
         lines.extend(self.stages.iter().flat_map(StageSummary::settled_lines));
         let wakes = self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.wake?.line())));
         lines.extend(wakes);
+        let openings =
+            self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.opening?.line())));
+        lines.extend(openings);
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

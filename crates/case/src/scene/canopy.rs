@@ -18,9 +18,11 @@ pub enum Canopy {
     Square(FlatCanopy),
     /// A flat circular canopy with lines from its rim to one confluence point.
     Circular(FlatCanopy),
-    /// A canopy of gores around a crown vent: flat circular, conical or hemispherical, with a line from each seam to one confluence point. A flow needs
-    /// `[flow.immersed]`.
+    /// A canopy of gores around a crown vent: flat circular, conical, hemispherical, or of sections along the gores (extended skirt, annular, ringslot,
+    /// disk-gap-band), with a line from each seam to one confluence point. A flow needs `[flow.immersed]`.
     Gored(GoredCanopy),
+    /// A flat cross of two equal panels, arms not stitched, with lines from the ends of the arms to one confluence point. A flow needs `[flow.immersed]`.
+    Cross(CrossCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
     /// A surface mesh from a Gmsh file (format 4.1, metres); a flow needs `[flow.grid_file]`.
@@ -139,6 +141,9 @@ pub struct GoredCanopy {
     pub nominal_diameter_m: f64,
     /// Number of gores (even), and of lines.
     pub gores: u32,
+    /// Sections of the gores from the vent to the skirt, with `profile = "sections"`.
+    #[serde(default, rename = "section")]
+    pub sections: Vec<GoreSection>,
     /// Diameter of the crown vent between opposite seams, m. Absent: a tenth of the nominal diameter, 1 % of the area.
     pub vent_diameter_m: Option<f64>,
     /// Angle of the gores below the horizontal in the constructed shape of a conical canopy, degrees.
@@ -146,7 +151,7 @@ pub struct GoredCanopy {
     /// Quadrilaterals across a gore (even).
     #[serde(default = "two")]
     pub cells_per_gore: u32,
-    /// Quadrilaterals along a gore.
+    /// Quadrilaterals along a gore, shared by the sections of fabric by their length.
     pub cells_along: u32,
     /// Unstretched length of a line, m.
     pub line_length_m: f64,
@@ -157,6 +162,43 @@ pub struct GoredCanopy {
 
 fn two() -> u32 {
     2
+}
+
+/// A section of the gores along their middle line. All gores of a canopy have the same sections.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GoreSection {
+    /// Length along the middle line, in any unit: lengths of all sections are scaled together until the area, openings included, is that of the
+    /// nominal diameter.
+    pub length: f64,
+    /// Angle below the horizontal in the constructed shape, degrees: 0 for a part of a flat disk, 90 for a cylindrical band, above 90 for a skirt that
+    /// runs inwards.
+    #[serde(default)]
+    pub angle_deg: f64,
+    /// An opening without fabric, which radial tapes along the seams (`[tapes.seams]`) bridge.
+    #[serde(default)]
+    pub gap: bool,
+}
+
+/// A flat cross of two equal rectangular panels whose middles overlap in one square layer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CrossCanopy {
+    /// Width W of a panel, m.
+    pub panel_width_m: f64,
+    /// Length L of a panel from one end to the other, m. The constructed area is S0 = 2 L W - W^2.
+    pub panel_length_m: f64,
+    /// Quadrilaterals across a panel (even).
+    pub cells_across: u32,
+    /// Quadrilaterals along an arm.
+    pub cells_along_arm: u32,
+    /// Lines from the end of each arm.
+    pub lines_per_arm: u32,
+    /// Unstretched length of a line, m.
+    pub line_length_m: f64,
+    /// Cable elements for each line.
+    #[serde(default = "one")]
+    pub segments_per_line: u32,
 }
 
 impl GoredCanopy {
@@ -177,6 +219,8 @@ pub enum GoreProfile {
     Conical,
     /// A quarter of a circle.
     Hemispherical,
+    /// A chain of straight sections, `[[canopy.section]]`, with or without fabric.
+    Sections,
 }
 
 /// One octant of the square air bag of the paper: a quarter of the upper sheet.
@@ -233,13 +277,20 @@ pub enum PanelEdges {
     Root,
 }
 
+impl GoredCanopy {
+    /// Nominal area S0 = pi D0^2 / 4 of all gores, vent and gaps included, m2.
+    pub fn nominal_area(&self) -> f64 {
+        0.25 * std::f64::consts::PI * self.nominal_diameter_m.powi(2)
+    }
+}
+
 impl Scene {
     /// Whether the canopy has suspension lines or reinforcements.
     pub fn has_cables(&self) -> bool {
         match &self.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
-            Canopy::Gored(_) => true,
+            Canopy::Gored(_) | Canopy::Cross(_) => true,
             // A file may have none; what it has needs [lines], which the structure checks.
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) | Canopy::None => false,
         }
@@ -271,7 +322,8 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             atps_cells(a, c);
         }
         Canopy::Square(f) | Canopy::Circular(f) => flat(f, c),
-        Canopy::Gored(g) => gored(g, c),
+        Canopy::Gored(g) => gored(g, scene.tapes.as_ref().is_some_and(|t| t.seams.is_some()), c),
+        Canopy::Cross(x) => cross(x, c),
         Canopy::AirBag(a) => {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");
@@ -400,7 +452,7 @@ fn flat(f: &FlatCanopy, c: &mut Check) {
     }
 }
 
-fn gored(g: &GoredCanopy, c: &mut Check) {
+fn gored(g: &GoredCanopy, radials: bool, c: &mut Check) {
     c.positive("canopy.nominal_diameter_m", g.nominal_diameter_m, 200.0, LENGTH);
     c.positive("canopy.line_length_m", g.line_length_m, 500.0, LENGTH);
     let diameter = g.nominal_diameter_m;
@@ -434,6 +486,104 @@ fn gored(g: &GoredCanopy, c: &mut Check) {
             "remove it, or set profile = \"conical\"",
         ),
         (_, None) => {}
+    }
+    sections(g, radials, c);
+}
+
+/// Refuses sections that cannot be sewn.
+fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
+    let chain = g.profile == GoreProfile::Sections;
+    if chain != !g.sections.is_empty() {
+        let (message, remedy) = if chain {
+            (
+                "profile = \"sections\" has no [[canopy.section]]",
+                "add sections from the vent to the skirt, each with `length` and `angle_deg`",
+            )
+        } else {
+            (
+                "[[canopy.section]] belongs to profile = \"sections\"",
+                "set profile = \"sections\", or remove the sections",
+            )
+        };
+        c.refuse("canopy.section", message, remedy);
+        return;
+    }
+    for (k, s) in g.sections.iter().enumerate() {
+        c.positive(
+            &format!("canopy.section[{k}].length"),
+            s.length,
+            1e4,
+            "a length along the gore, in any unit",
+        );
+        let range = if k == 0 { 0.0..=80.0 } else { 0.0..=170.0 };
+        let what = "degrees below the horizontal: 0 flat, 90 a cylindrical band; the section at the vent has at most 80";
+        c.range(&format!("canopy.section[{k}].angle_deg"), s.angle_deg, range, what);
+    }
+    if let (Some(first), Some(last)) = (g.sections.first(), g.sections.last())
+        && (first.gap || last.gap)
+    {
+        c.refuse(
+            "canopy.section",
+            "a gap is the first or the last section: no fabric bounds it",
+            "leave it out; the crown vent is `vent_diameter_m`",
+        );
+    }
+    let fabric = g.sections.iter().filter(|s| !s.gap).count();
+    if chain && (g.cells_along as usize) < fabric {
+        c.refuse(
+            "canopy.cells_along",
+            format!("{} cells along a gore for {fabric} sections of fabric", g.cells_along),
+            format!("use at least {fabric}, better two for each section"),
+        );
+    }
+    if !radials && fabric < g.sections.len() {
+        c.refuse(
+            "tapes.seams",
+            "the canopy has gaps, and no radial tapes hold the parts together",
+            "add [tapes.seams] with the axial stiffness and mass of the radials",
+        );
+    }
+}
+
+fn cross(x: &CrossCanopy, c: &mut Check) {
+    c.positive("canopy.panel_width_m", x.panel_width_m, 200.0, LENGTH);
+    c.positive("canopy.panel_length_m", x.panel_length_m, 200.0, LENGTH);
+    c.positive("canopy.line_length_m", x.line_length_m, 500.0, LENGTH);
+    even_cells(x.cells_across, c);
+    c.count("canopy.cells_along_arm", x.cells_along_arm, 1..=2000, "cells along an arm");
+    c.count("canopy.lines_per_arm", x.lines_per_arm, 2..=1000, "lines from the end of an arm");
+    line_segments(x.segments_per_line, c);
+    if x.panel_length_m <= x.panel_width_m {
+        c.refuse(
+            "canopy.panel_length_m",
+            format!(
+                "a panel of {} m is not longer than wide ({} m): no arms",
+                x.panel_length_m, x.panel_width_m
+            ),
+            "give the length from one end of the panel to the other; usual are 3 to 4 widths",
+        );
+    }
+    if x.lines_per_arm > x.cells_across + 1 {
+        c.refuse(
+            "canopy.lines_per_arm",
+            format!(
+                "{} lines do not fit on the {} nodes at the end of an arm",
+                x.lines_per_arm,
+                x.cells_across + 1
+            ),
+            "use fewer lines or more cells across",
+        );
+    }
+    let reach = 0.5 * x.panel_length_m.hypot(x.panel_width_m);
+    if x.line_length_m <= reach {
+        c.refuse(
+            "canopy.line_length_m",
+            format!(
+                "lines of {} m cannot reach from the ends of the arms to a point below the middle",
+                x.line_length_m
+            ),
+            format!("make them longer than {reach:.3} m; usual are 1 to 1.2 panel lengths"),
+        );
     }
 }
 

@@ -49,8 +49,8 @@ pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
 pub use canopy::{
-    AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, GoreProfile, GoredCanopy, PanelCanopy, PanelEdges,
-    StitchedEnd,
+    AirBag, Atps, Canopy, CrossCanopy, FlatCanopy, GmshCanopy, GoreProfile, GoreSection, GoredCanopy,
+    PanelCanopy, PanelEdges, StitchedEnd,
 };
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
-use crate::{Role, Scene, Solve};
+use crate::{Role, Scene, Solve, StageKind};
 
 /// A reefing line: a closed line through the skirt, where the suspension lines are attached,
 /// of the material of `[lines]`; it pulls only. It has no inertia.
@@ -25,6 +25,17 @@ pub struct Reefing {
     /// Time over which its force fades when it is cut, s.
     #[serde(default)]
     pub release_ramp_s: f64,
+}
+
+impl Scene {
+    /// Whether the canopy opens from a gathered skirt: a reefing line that an earlier stage drew in is cut in the first coupled stage.
+    pub fn opens_gathered(&self) -> bool {
+        let first = self.stages.iter().position(|s| s.kind == StageKind::Coupled);
+        let gathered = |k: usize| self.stages[..k].iter().any(|s| s.kind == StageKind::PreInflation);
+        first.filter(|k| gathered(*k)).is_some_and(|k| {
+            self.reefing.iter().any(|r| r.release_stage.as_ref() == Some(&self.stages[k].name))
+        })
+    }
 }
 
 /// Refuses lines that run nowhere or are cut at no time.

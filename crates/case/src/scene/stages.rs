@@ -331,12 +331,13 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     if scene.flow.is_none() {
         c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
     }
-    let gridless = matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Gored(_));
+    let gridless =
+        matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Gored(_) | Canopy::Cross(_));
     let fitted = gridless && !scene.is_immersed(s);
     if fitted && scene.grid_file().is_none() {
         c.refuse(
             &at("kind"),
-            "an air-bag octant, a canopy of gores or one from a file has no flow grid around it",
+            "an air-bag octant, a canopy of gores, a cross or a canopy from a file has no flow grid around it",
             "use kind = \"pre-inflation\", give a grid by [flow.grid_file], or use [flow.immersed] without flow_method = \"fitted\"",
         );
     }

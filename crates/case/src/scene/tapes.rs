@@ -120,7 +120,7 @@ impl Canopy {
     pub fn tape_places(&self) -> &'static [TapePlace] {
         match self {
             Canopy::Atps(_) => &TapePlace::ALL,
-            Canopy::Square(_) | Canopy::Panel(_) => &[TapePlace::Hem, TapePlace::Grid],
+            Canopy::Square(_) | Canopy::Panel(_) | Canopy::Cross(_) => &[TapePlace::Hem, TapePlace::Grid],
             Canopy::Circular(_) => &[TapePlace::Hem],
             Canopy::Gored(_) => &[TapePlace::Hem, TapePlace::Seams, TapePlace::Vents],
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => &[],
@@ -187,7 +187,12 @@ fn risers(scene: &Scene, c: &mut Check) {
     }
     if matches!(
         scene.canopy,
-        Canopy::Square(_) | Canopy::Circular(_) | Canopy::Gored(_) | Canopy::Panel(_) | Canopy::AirBag(_)
+        Canopy::Square(_)
+            | Canopy::Circular(_)
+            | Canopy::Gored(_)
+            | Canopy::Cross(_)
+            | Canopy::Panel(_)
+            | Canopy::AirBag(_)
     ) {
         c.refuse(
             "risers",

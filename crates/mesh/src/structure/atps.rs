@@ -56,6 +56,20 @@ impl AtpsLayout {
         Self { n, m: rings, shared: vec![true; rings + 1], start }
     }
 
+    /// A sheet of n x n cells and four arms of m rows of cells, whose sides are free.
+    pub fn cross(n: usize, m: usize) -> Self {
+        let start = (0..=m + 1)
+            .map(|b| if b == 0 { 0 } else { ((n + 1) * (n + 1) + 4 * (n + 1) * (b - 1)) as u32 })
+            .collect();
+        Self { n, m, shared: (0..=m).map(|b| b == 0).collect(), start }
+    }
+
+    /// Column of line `l` of the `lines` at the end of an arm: the nearest node, mirrored about the arm's middle.
+    pub fn column_of_line(&self, l: usize, lines: usize) -> usize {
+        let near = |l: usize| (l * self.n + (lines - 1) / 2) / (lines - 1);
+        if 2 * l < lines { near(l) } else { self.n - near(lines - 1 - l) }
+    }
+
     /// Number of canopy nodes.
     pub fn nodes(&self) -> usize {
         self.start[self.m + 1] as usize
@@ -270,10 +284,7 @@ fn add_lines(p: &Atps, cut: &Cut, layout: &AtpsLayout, mesh: &mut StructureMesh)
     let confluences: [u32; 4] = std::array::from_fn(|k| mesh.push_node(turn(k, confluence)));
     for (k, &confluence) in confluences.iter().enumerate() {
         for l in 0..lines {
-            // Nearest node, mirrored about the arm's middle.
-            let near = |l: usize| (l * n + (lines - 1) / 2) / (lines - 1);
-            let a = if 2 * l < lines { near(l) } else { n - near(lines - 1 - l) };
-            let ends = [layout.arm(k, a, m), confluence];
+            let ends = [layout.arm(k, layout.column_of_line(l, lines), m), confluence];
             let line = (k * lines + l) as u32;
             mesh.push_line(ends, cut.line_length, segments, CableKind::SuspensionLine, line);
         }

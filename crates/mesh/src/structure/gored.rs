@@ -2,16 +2,17 @@
 //!
 //! In the constructed shape gore k of N lies between the seams at the angles $`2 \pi k / N`$ and $`2 \pi (k + 1) / N`$ and is straight across: at the distance s
 //! along its middle line its width is $`w = 2 r \tan(\pi / N)`$, with r the distance of the middle line from the axis. A gore is a flat panel (flat and
-//! conical canopies) or one that is curved along its length only (hemispherical), so that the cloth is without stress there. The nominal diameter $`D_0`$ is that of
-//! a circle with the area $`S_0`$ of all gores, vent included (Knacke, Parachute Recovery Systems Design Manual, 1991, chapter 5):
+//! conical canopies), a chain of flat panels (sections), or one that is curved along its length only (hemispherical), so that the cloth is without stress there. The
+//! nominal diameter $`D_0`$ is that of a circle with the area $`S_0`$ of all gores, vent and gaps included (Knacke, Parachute Recovery Systems Design Manual, 1991,
+//! chapter 5):
 //! ```math
-//! S_0 = \tfrac{\pi}{4} D_0^2 = N \int w\, ds =
-//!   N \tan(\pi / N) \begin{cases} s_m^2 \cos\mu & \text{flat } (\mu = 0) \text{ and conical} \\ 2 R^2 & \text{hemispherical} \end{cases}
+//! S_0 = \tfrac{\pi}{4} D_0^2 = N \int w\, ds = 2 N \tan(\pi / N) \int r\, ds
 //! ```
+//! The vent counts as the first section continued to the axis.
 
 use std::f64::consts::PI;
 
-use case::{GoreProfile, GoredCanopy, TapePlace, Tapes};
+use case::{GoreProfile, GoreSection, GoredCanopy, TapePlace, Tapes};
 
 use super::{positive, refuse};
 use crate::geometry::Point;
@@ -20,15 +21,23 @@ use crate::{CableKind, MeshError, StructureMesh};
 /// Nodes of a canopy of gores: rings from the vent to the skirt.
 pub(super) struct GoreLayout {
     gores: usize,
-    /// Cells across a gore and along it.
+    /// Cells across a gore.
     across: usize,
-    along: usize,
+    /// Whether the row between a ring and the next is fabric, not a gap.
+    fabric: Vec<bool>,
 }
 
 impl GoreLayout {
     pub fn new(p: &GoredCanopy) -> Self {
-        let [gores, across, along] = [p.gores, p.cells_per_gore, p.cells_along].map(|n| n as usize);
-        Self { gores, across, along }
+        let counts = cells(&sections(p), p.cells_along as usize);
+        let row = |(s, n): (GoreSection, usize)| std::iter::repeat_n(!s.gap, n);
+        let fabric = sections(p).into_iter().zip(counts).flat_map(row).collect();
+        Self { gores: p.gores as usize, across: p.cells_per_gore as usize, fabric }
+    }
+
+    /// Rows of cells along a gore, gaps included.
+    fn along(&self) -> usize {
+        self.fabric.len()
     }
 
     /// Columns of nodes around the axis.
@@ -45,61 +54,103 @@ impl GoreLayout {
     fn seam(&self, gore: usize, ring: usize) -> u32 {
         self.node(gore * self.across, ring)
     }
+
+    /// Rings at the crown vent and on both sides of each gap.
+    fn inner_edges(&self) -> impl Iterator<Item = usize> + '_ {
+        let at_gap = |&ring: &usize| self.fabric[ring - 1] != self.fabric[ring];
+        std::iter::once(0).chain((1..self.along()).filter(at_gap))
+    }
 }
 
-/// Middle line of the gores.
-struct MiddleLine {
-    profile: GoreProfile,
-    /// Its angle below the horizontal, and the radius of a hemisphere, m.
-    cone: f64,
-    radius: f64,
-    /// Its places at the vent and at the skirt: distance from the apex, m; of a hemisphere the angle from the axis.
-    ends: [f64; 2],
+/// Sections of the gores; a profile of one piece is one section.
+fn sections(p: &GoredCanopy) -> Vec<GoreSection> {
+    match p.profile {
+        GoreProfile::Sections => p.sections.clone(),
+        _ => vec![GoreSection { length: 1.0, angle_deg: p.cone_angle_deg.unwrap_or(0.0), gap: false }],
+    }
 }
 
-impl MiddleLine {
-    fn new(p: &GoredCanopy) -> Result<Self, MeshError> {
-        let n = f64::from(p.gores);
-        let area = 0.25 * PI * positive("canopy.nominal_diameter_m", p.nominal_diameter_m)?.powi(2);
-        let cone = p.cone_angle_deg.unwrap_or(0.0).to_radians();
-        let shares = n * (PI / n).tan();
-        // From the axis to the middle of a side of the vent, whose corners lie on its circle.
-        let vent = 0.5 * p.vent_diameter() * (PI / n).cos();
-        let radius = (area / (2.0 * shares)).sqrt();
-        let ends = match p.profile {
-            GoreProfile::Flat | GoreProfile::Conical => {
-                [vent / cone.cos(), (area / (shares * cone.cos())).sqrt()]
-            }
-            GoreProfile::Hemispherical => [(vent / radius).min(1.0).asin(), 0.5 * PI],
+/// Rows of cells of each section: one of a gap, and `along` of those of fabric together, by their length, at least one each.
+fn cells(sections: &[GoreSection], along: usize) -> Vec<usize> {
+    let fabric = || sections.iter().enumerate().filter(|(_, s)| !s.gap);
+    let total: f64 = fabric().map(|(_, s)| s.length).sum();
+    let mut counts = vec![1; sections.len()];
+    for _ in fabric().count()..along {
+        // The section whose cells are longest.
+        let cell = |k: usize| sections[k].length / total / counts[k] as f64;
+        let longest = fabric().map(|(k, _)| k).max_by(|&a, &b| cell(a).total_cmp(&cell(b)));
+        if let Some(k) = longest {
+            counts[k] += 1;
+        }
+    }
+    counts
+}
+
+/// Distance from the axis and height of the middle line of the gores at each ring, m. The skirt is at the height 0.
+fn rings(p: &GoredCanopy) -> Result<Vec<[f64; 2]>, MeshError> {
+    let n = f64::from(p.gores);
+    let area = 0.25 * PI * positive("canopy.nominal_diameter_m", p.nominal_diameter_m)?.powi(2);
+    // S0 over N tan(pi / N): the integral of 2 r ds.
+    let integral = area / (n * (PI / n).tan());
+    // From the axis to the middle of a side of the vent, whose corners lie on its circle.
+    let vent = 0.5 * p.vent_diameter() * (PI / n).cos();
+    let too_wide =
+        || Err(refuse("canopy.vent_diameter_m", p.vent_diameter(), "the vent is as wide as the canopy"));
+    if p.profile == GoreProfile::Hemispherical {
+        let radius = (0.5 * integral).sqrt();
+        if vent >= radius {
+            return too_wide();
+        }
+        let first = (vent / radius).asin();
+        let at = |ring: u32| {
+            let angle = first + f64::from(ring) / f64::from(p.cells_along) * (0.5 * PI - first);
+            [radius * angle.sin(), radius * angle.cos()]
         };
-        if ends[0] >= ends[1] {
-            return Err(refuse(
-                "canopy.vent_diameter_m",
-                p.vent_diameter(),
-                "the vent is as wide as the canopy",
-            ));
-        }
-        Ok(Self { profile: p.profile, cone, radius, ends })
+        return Ok((0..=p.cells_along).map(at).collect());
     }
+    let sections = sections(p);
+    let scale = scale(&sections, vent, integral).filter(|s| *s > 0.0);
+    let Some(scale) = scale else { return too_wide() };
+    let mut at = vec![[vent, 0.0]];
+    for (s, cells) in sections.iter().zip(cells(&sections, p.cells_along as usize)) {
+        let [r, z] = at[at.len() - 1];
+        let (sin, cos) = s.angle_deg.to_radians().sin_cos();
+        let length = |i: usize| scale * s.length * i as f64 / cells as f64;
+        at.extend((1..=cells).map(|i| [r + length(i) * cos, z - length(i) * sin]));
+    }
+    let least = at.iter().map(|x| x[0]).fold(f64::INFINITY, f64::min);
+    if least < 0.5 * vent {
+        let reason =
+            format!("the gores come within {least:.4} m of the axis, nearer than half the vent's radius");
+        return Err(refuse("canopy.section", "[[canopy.section]]", reason));
+    }
+    let skirt = at[at.len() - 1][1];
+    at.iter_mut().for_each(|x| x[1] -= skirt);
+    Ok(at)
+}
 
-    /// Distance from the axis and height at the share `t` of the way from the vent to the skirt, m. The skirt is at the height 0.
-    fn at(&self, t: f64) -> [f64; 2] {
-        let [vent, skirt] = self.ends;
-        let s = vent + t * (skirt - vent);
-        match self.profile {
-            GoreProfile::Flat | GoreProfile::Conical => [s * self.cone.cos(), (skirt - s) * self.cone.sin()],
-            GoreProfile::Hemispherical => [self.radius * s.sin(), self.radius * s.cos()],
-        }
+/// The factor on the lengths of `sections` with which the integral of 2 r ds from the axis has the value `integral` (m2): a root of
+/// $`A \lambda^2 + B \lambda + C = 0`$ with $`r = r_v + \lambda \sum l \cos\mu`$. `None` where the area falls as lengths grow, or the vent has it all.
+fn scale(sections: &[GoreSection], vent: f64, integral: f64) -> Option<f64> {
+    let (mut a, mut b, mut out) = (0.0, 0.0, 0.0);
+    for s in sections {
+        let cos = s.angle_deg.to_radians().cos();
+        a += s.length * (2.0 * out + cos * s.length);
+        b += 2.0 * vent * s.length;
+        out += cos * s.length;
     }
+    let c = vent * vent / sections.first()?.angle_deg.to_radians().cos() - integral;
+    // The smaller positive root, without the difference of two large numbers: B > 0, C < 0.
+    let root = (b * b - 4.0 * a * c).sqrt();
+    let scale = -2.0 * c / (b + root);
+    scale.is_finite().then_some(scale)
 }
 
 /// Fabric, lines and payload.
 pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
     let layout = GoreLayout::new(p);
-    let middle = MiddleLine::new(p)?;
     let mut mesh = StructureMesh::default();
-    for ring in 0..=layout.along {
-        let [r, z] = middle.at(ring as f64 / layout.along as f64);
+    for [r, z] in rings(p)? {
         // Seams are as far from the axis as the corners of a polygon, the cloth between them is straight.
         let corner = |gore: usize| {
             let angle = 2.0 * PI * gore as f64 / layout.gores as f64;
@@ -116,7 +167,7 @@ pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<Struct
     mesh.n_canopy = mesh.coords.len();
     for column in 0..layout.columns() {
         let (gore, i) = (column / layout.across, column % layout.across);
-        for ring in 0..layout.along {
+        for ring in (0..layout.along()).filter(|&ring| layout.fabric[ring]) {
             let at = |c: usize, r: usize| layout.node(column + c, ring + r);
             // Mirrored about the middle of the gore.
             let straight = 2 * i < layout.across;
@@ -135,7 +186,7 @@ fn add_lines(
     mesh: &mut StructureMesh,
 ) -> Result<(), MeshError> {
     let length = positive("canopy.line_length_m", p.line_length_m)?;
-    let skirt: Point = mesh.coords[layout.seam(0, layout.along) as usize];
+    let skirt: Point = mesh.coords[layout.seam(0, layout.along()) as usize];
     let reach = skirt[0].hypot(skirt[1]);
     if length <= reach {
         return Err(refuse(
@@ -146,7 +197,7 @@ fn add_lines(
     }
     let payload = mesh.push_node([0.0, 0.0, skirt[2] - (length * length - reach * reach).sqrt()]);
     for gore in 0..layout.gores {
-        let ends = [layout.seam(gore, layout.along), payload];
+        let ends = [layout.seam(gore, layout.along()), payload];
         mesh.push_line(ends, length, p.segments_per_line as usize, CableKind::SuspensionLine, gore as u32);
     }
     mesh.fixed.push((payload, [true; 3]));
@@ -155,20 +206,24 @@ fn add_lines(
 }
 
 impl StructureMesh {
-    /// Tapes of a canopy of gores: the skirt band (`hem`), the vent band (`vents`), and the radials along the seams, each of which runs on as a vent line to the seam
-    /// on the other side (`seams`).
+    /// Tapes of a canopy of gores: the skirt band (`hem`), bands at the vent and at the edges of gaps (`vents`), and the radials along the seams over gaps, each
+    /// of which runs on as a vent line to the seam on the other side (`seams`).
     pub(super) fn tape_gores(&mut self, p: &GoredCanopy, tapes: &Tapes) {
         let layout = GoreLayout::new(p);
-        for (place, ring) in [(TapePlace::Hem, layout.along), (TapePlace::Vents, 0)] {
-            if tapes.section(place).is_some() {
-                self.tape(place, (0..=layout.columns()).map(|column| layout.node(column, ring)));
-            }
+        let nodes = |ring: usize| {
+            (0..=layout.columns()).map(move |column| (column, ring)).map(|(c, r)| layout.node(c, r))
+        };
+        if tapes.hem.is_some() {
+            self.tape(TapePlace::Hem, nodes(layout.along()));
+        }
+        if tapes.vents.is_some() {
+            layout.inner_edges().for_each(|ring| self.tape(TapePlace::Vents, nodes(ring)));
         }
         if tapes.seams.is_some() {
             for gore in 0..layout.gores / 2 {
                 let other = gore + layout.gores / 2;
-                let up = (0..=layout.along).rev().map(|ring| layout.seam(gore, ring));
-                let down = (0..=layout.along).map(|ring| layout.seam(other, ring));
+                let up = (0..=layout.along()).rev().map(|ring| layout.seam(gore, ring));
+                let down = (0..=layout.along()).map(|ring| layout.seam(other, ring));
                 self.tape(TapePlace::Seams, up.chain(down));
             }
         }
@@ -186,6 +241,7 @@ mod tests {
     fn canopy(profile: GoreProfile) -> GoredCanopy {
         GoredCanopy {
             profile,
+            sections: Vec::new(),
             nominal_diameter_m: 8.53,
             gores: 28,
             vent_diameter_m: Some(0.85),
@@ -283,5 +339,75 @@ mod tests {
         };
         assert!(refused(&|p| p.line_length_m = 4.0).contains("the radius of the skirt"));
         assert!(refused(&|p| p.vent_diameter_m = Some(9.0)).contains("as wide as the canopy"));
+    }
+
+    /// A disk-gap-band canopy: areas of disk and band are those of the drawing, the gap has none, the lengths keep their ratios, and the nominal
+    /// area includes vent and gap. Dimensions of the parachute of Tianwen-1 (D0 15.96 m, disk 11.53 m, vent 1.12 m, gap 0.69 m, band 1.94 m).
+    #[test]
+    fn sections_with_a_gap_make_a_disk_gap_band() {
+        let section = |length, angle_deg, gap| GoreSection { length, angle_deg, gap };
+        let p = GoredCanopy {
+            profile: GoreProfile::Sections,
+            sections: vec![
+                section(0.5 * (11.53 - 1.12), 0.0, false),
+                section(0.69, 90.0, true),
+                section(1.94, 90.0, false),
+            ],
+            nominal_diameter_m: 15.96,
+            gores: 48,
+            vent_diameter_m: Some(1.12),
+            cells_along: 9,
+            line_length_m: 27.15,
+            ..canopy(GoreProfile::Flat)
+        };
+        let mut with = scene(Canopy::Gored(p.clone()));
+        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        with.tapes = Some(Tapes { seams: tape, vents: tape, ..Tapes::default() });
+        let mesh = structure_mesh(&with).unwrap();
+        let layout = GoreLayout::new(&p);
+        assert_eq!(layout.fabric, [vec![true; 6], vec![false], vec![true; 3]].concat());
+        assert_eq!(mesh.faces.len(), 48 * 2 * 9);
+        let at = rings(&p).unwrap();
+        let [disk, gap, band] = [at[6], at[7], at[10]];
+        let width = 2.0 * 48.0 * (PI / 48.0).tan();
+        let nominal = 0.5 * width * disk[0] * disk[0] + width * disk[0] * (disk[1] - band[1]);
+        assert!((nominal / (0.25 * PI * 15.96 * 15.96) - 1.0).abs() < 1e-12);
+        let ratio = (disk[1] - gap[1]) / (gap[1] - band[1]);
+        assert!((ratio - 0.69 / 1.94).abs() < 1e-12 && (gap[0] - disk[0]).abs() < 1e-12);
+        // The drawing closes: its own lengths give its nominal diameter within 1 %.
+        assert!((2.0 * disk[0] / (PI / 48.0).cos() / 11.53 - 1.0).abs() < 0.01, "{disk:?}");
+        let fabric = nominal - polygon(48.0, 1.12) - width * disk[0] * (disk[1] - gap[1]);
+        assert!((mesh.fabric_area(|_| true) / fabric - 1.0).abs() < 1e-12);
+        // Radials cross the gap, and bands lie at the vent and at both edges of it.
+        let length = |place| mesh.cable_length(CableKind::Tape(place));
+        let corner = 1.0 / (PI / 48.0).cos();
+        let radial = disk[0] * corner + disk[1] - band[1];
+        assert!((length(TapePlace::Seams) / (48.0 * radial) - 1.0).abs() < 1e-12);
+        assert!((length(TapePlace::Vents) / (width * (at[0][0] + 2.0 * disk[0])) - 1.0).abs() < 1e-12);
+    }
+
+    /// An extended skirt: the widest ring is where the skirt begins, which runs inwards. Cells go by length.
+    #[test]
+    fn extended_skirt_runs_inwards() {
+        let section = |length, angle_deg| GoreSection { length, angle_deg, gap: false };
+        let p = GoredCanopy {
+            profile: GoreProfile::Sections,
+            sections: vec![section(4.0, 0.0), section(0.4, 120.0)],
+            cells_along: 6,
+            ..canopy(GoreProfile::Flat)
+        };
+        let at = rings(&p).unwrap();
+        assert_eq!(at.len(), 7);
+        assert!(at[5][0] > at[6][0] && at[5][1] > at[6][1] && at[6][1] == 0.0, "{at:?}");
+        let inwards = (at[5][0] - at[6][0]) / (at[5][1] - at[6][1]);
+        assert!((inwards - 30_f64.to_radians().tan()).abs() < 1e-12);
+        let nominal: f64 =
+            at.windows(2).map(|w| (w[0][0] + w[1][0]) * (w[0][0] - w[1][0]).hypot(w[0][1] - w[1][1])).sum();
+        let n = 28.0;
+        let whole = n * (PI / n).tan() * (nominal + at[0][0] * at[0][0]);
+        assert!((whole / (0.25 * PI * 8.53 * 8.53) - 1.0).abs() < 1e-12);
+        let folded = GoredCanopy { sections: vec![section(4.0, 0.0), section(9.0, 170.0)], ..p };
+        let error = structure_mesh(&scene(Canopy::Gored(folded))).unwrap_err().to_string();
+        assert!(error.contains("of the axis"), "{error}");
     }
 }

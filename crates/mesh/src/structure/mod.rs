@@ -1,6 +1,7 @@
 //! Structure meshes from the parameters of a scene.
 
 mod atps;
+mod cross;
 mod flat;
 mod gmsh;
 mod gored;
@@ -37,6 +38,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
         Canopy::Gored(g) => gored::gored(g, payload_mass),
+        Canopy::Cross(x) => cross::cross(x, payload_mass),
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
         Canopy::Panel(p) => panel::panel(p),

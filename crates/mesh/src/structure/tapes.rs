@@ -32,6 +32,7 @@ impl StructureMesh {
             }
             Canopy::Circular(f) => self.tape_sheet(&flat_layout(f, true)?.rim(), tapes),
             Canopy::Gored(g) => self.tape_gores(g, tapes),
+            Canopy::Cross(x) => self.tape_cross(x, tapes)?,
             Canopy::Panel(p) => self.tape_panel(p, tapes),
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => {}
         }
@@ -63,6 +64,12 @@ impl StructureMesh {
                 self.tape(TapePlace::Vents, (slit[0]..=slit[1]).map(|b| layout.arm((k + 1) % 4, 0, b)));
             }
         }
+        self.tape_panels(layout, tapes);
+    }
+
+    /// The grid of `tapes` on the top and the four arms of a canopy.
+    pub(super) fn tape_panels(&mut self, layout: &AtpsLayout, tapes: &Tapes) {
+        let (n, m) = (layout.n, layout.m);
         let top = |i, j| layout.top(i, j);
         let arms: [_; 4] = std::array::from_fn(|k| move |a, b| layout.arm(k, a, b));
         let mut panels = vec![Lattice { cells: [n, n], node: &top }];
@@ -71,7 +78,7 @@ impl StructureMesh {
     }
 
     /// The hem of a sheet: once around its rim.
-    fn tape_sheet(&mut self, rim: &[u32], tapes: &Tapes) {
+    pub(super) fn tape_sheet(&mut self, rim: &[u32], tapes: &Tapes) {
         if tapes.hem.is_some() {
             self.tape(TapePlace::Hem, rim.iter().chain(rim.first()).copied());
         }

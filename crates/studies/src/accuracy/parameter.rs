@@ -193,6 +193,10 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
             g.cells_along = times(g.cells_along, f);
             g.cells_per_gore = even(g.cells_per_gore, f);
         }
+        Canopy::Cross(x) => {
+            x.cells_across = even(x.cells_across, f);
+            x.cells_along_arm = times(x.cells_along_arm, f);
+        }
         Canopy::AirBag(b) => b.cells_across = times(b.cells_across, f),
         Canopy::Panel(p) => p.cells = p.cells.map(|c| if c == 1 { 1 } else { times(c, f) }),
         Canopy::Gmsh(_) | Canopy::None => {}

@@ -1,0 +1,60 @@
+//! Table of a stage in which the canopy opens: line stretch, filling, largest force.
+
+use coupling::interface::CanopyInterface;
+use results::opening::{Opening, OpeningReference, drag_area};
+
+use super::chart::digits;
+use super::data::{Run, StageData};
+use super::document::{Table, coupled};
+use super::facts;
+
+pub(super) const OPENING: &str = "Opening. Line stretch: the riser force reaches 5 % of its largest value. Filled: the first maximum of the projected area of at \
+    least nine tenths of the largest, not exceeded within a tenth of the time since line stretch. q is the dynamic pressure at line stretch, S0 the nominal area, D0 \
+    the nominal diameter. Filling constants and opening force coefficients of handbooks count from the line stretch of a packed canopy.";
+
+/// Figures of the opening; `None` where the canopy does not open in the stage.
+pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
+    if !coupled(run.stage(stage).kind) {
+        return None;
+    }
+    let interface = CanopyInterface::new(run.scene()).ok()?;
+    let reference = OpeningReference::of(run.scene(), &interface)?;
+    let o = Opening::of_history(&stage.columns.all(), &reference)?;
+    let given = |value: Option<f64>, none: &str| value.map_or_else(|| none.to_owned(), digits);
+    let open = "still filling at the end of the stage";
+    let mut rows = vec![
+        ("nominal diameter D0, m", digits(o.nominal_diameter_m)),
+        ("mass ratio m/(rho D0^3)", given(o.mass_ratio, "infinite: confluence point held")),
+        ("line stretch, s", digits(o.line_stretch_s)),
+        ("speed of the air then, m/s", digits(o.speed_m_s)),
+        ("filling time, s", given(o.filling_time_s, open)),
+        ("filling constant t v/D0", given(o.filling_constant, open)),
+        ("projected area then, m2", given(o.opened_area_m2, open)),
+        ("largest force of the risers, N", digits(o.largest_force_n)),
+        ("its time, s", digits(o.largest_force_s)),
+        ("the same over q S0", digits(o.largest_force_share)),
+    ];
+    let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
+    if let Some(area) = drag_area(&last.columns.all(), reference.density_kg_m3) {
+        let coefficient = area / reference.nominal_area_m2;
+        let state = match facts::not_comparable(last) {
+            None => String::new(),
+            Some(why) => format!(" (not settled: {why})"),
+        };
+        rows.push(("drag area CD S in the last half of the last coupled stage, m2", digits(area) + &state));
+        rows.push(("drag coefficient on S0 there", digits(coefficient)));
+        rows.push((
+            "opening force coefficient, largest force over q CD S",
+            digits(o.largest_force_share / coefficient),
+        ));
+        if let Some(mass) = reference.mass_kg {
+            rows.push(("ballistic coefficient m/(CD S), kg/m2", digits(mass / area)));
+        }
+    }
+    let rows = rows.into_iter().map(|(name, value)| vec![name.to_owned(), value]).collect();
+    Some(Table {
+        caption: "Opening of the canopy; units in the first column.".into(),
+        head: Vec::new(),
+        rows,
+    })
+}

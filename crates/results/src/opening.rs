@@ -1,0 +1,231 @@
+//! Opening of a canopy in a stage: line stretch, filling, largest force, in the quantities of Knacke, Parachute Recovery Systems Design Manual (1991), chapter 5.
+//!
+//! - **Line stretch:** the first window whose riser force reaches 5 % of the largest of the stage.
+//! - **Filling** ends at the first full opening: the first maximum of the projected area that reaches nine tenths of the largest of the stage and is not exceeded
+//!   within a tenth of the time since line stretch. The filling constant is $`n = t_f v_s / D_0`$ with the speed $`v_s`$ of the air at line stretch.
+//! - **Largest force** F of the risers, over the dynamic pressure at line stretch and the nominal area: $`F / (q_s S_0)`$. Divided by the drag coefficient of the
+//!   open canopy on $`S_0`$ it is the opening force coefficient $`C_X X_1`$.
+
+use std::f64::consts::PI;
+
+use coupling::interface::CanopyInterface;
+use serde::{Deserialize, Serialize};
+
+use crate::wake::diameter;
+
+/// Growth of the projected area over a stage from which on it is an opening.
+const GROWTH: f64 = 1.5;
+/// Share of the largest riser force that is line stretch.
+const STRETCHED: f64 = 0.05;
+/// Share of the largest projected area that a first full opening has at least.
+const FULL: f64 = 0.9;
+/// Time in which the projected area does not exceed its first maximum, as a share of the time since line stretch.
+const HELD: f64 = 0.1;
+
+/// Air and canopy that the figures of an opening refer to.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OpeningReference {
+    /// Density of the undisturbed air, kg/m3.
+    pub density_kg_m3: f64,
+    /// Nominal area $`S_0`$, m2: of gores with vent and gaps, else of the fabric.
+    pub nominal_area_m2: f64,
+    /// Mass of payload, fabric and lines, kg; `None` where the confluence point is held.
+    pub mass_kg: Option<f64>,
+}
+
+impl OpeningReference {
+    /// Of a scene; `None` without a canopy or a flow.
+    pub fn of(scene: &case::Scene, interface: &CanopyInterface) -> Option<Self> {
+        let nominal_area_m2 = match &scene.canopy {
+            case::Canopy::Gored(g) => g.nominal_area(),
+            _ => interface.sizes.fabric_area,
+        };
+        let flow = scene.flow.as_ref().filter(|_| nominal_area_m2 > 0.0)?;
+        let mass_kg = scene.descent.as_ref().map(|d| d.payload_mass_kg + interface.masses.suspended());
+        Some(Self { density_kg_m3: flow.density_kg_m3, nominal_area_m2, mass_kg })
+    }
+
+    /// Nominal diameter $`D_0`$, m.
+    pub fn nominal_diameter(&self) -> f64 {
+        diameter(self.nominal_area_m2)
+    }
+
+    /// Mass over the air in a cube of the nominal diameter, $`m / (\rho D_0^3)`$.
+    pub fn mass_ratio(&self) -> Option<f64> {
+        self.mass_kg.map(|m| m / (self.density_kg_m3 * self.nominal_diameter().powi(3)))
+    }
+}
+
+/// The opening of a canopy in a stage.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Opening {
+    /// Time of line stretch, s from the start of the stage.
+    pub line_stretch_s: f64,
+    /// Speed of the undisturbed air relative to the frame at line stretch, m/s.
+    pub speed_m_s: f64,
+    /// Time of the first full opening, s; `None` where the canopy is still opening at the end.
+    pub opened_s: Option<f64>,
+    /// Projected area then, m2.
+    pub opened_area_m2: Option<f64>,
+    /// Filling time from line stretch, s.
+    pub filling_time_s: Option<f64>,
+    /// Filling constant $`t_f v_s / D_0`$.
+    pub filling_constant: Option<f64>,
+    /// Largest force of the risers, N.
+    pub largest_force_n: f64,
+    /// Its time, s.
+    pub largest_force_s: f64,
+    /// The same over dynamic pressure at line stretch and nominal area.
+    pub largest_force_share: f64,
+    /// Mass ratio $`m / (\rho D_0^3)`$; `None` where the confluence point is held (infinite mass).
+    pub mass_ratio: Option<f64>,
+    /// Nominal diameter, m.
+    pub nominal_diameter_m: f64,
+}
+
+/// Value and place of the largest of `values`.
+fn largest(values: &[f64]) -> Option<(usize, f64)> {
+    let finite = values.iter().copied().enumerate().filter(|(_, v)| v.is_finite());
+    finite.max_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+impl Opening {
+    /// Of the columns of a `history.csv`; `None` where the stage has no opening: its projected area grows by less than half.
+    pub fn of_history(columns: &[(String, Vec<f64>)], reference: &OpeningReference) -> Option<Self> {
+        let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| &values[..]);
+        let (time, area, force) = (get("time_s")?, get("projected_area_m2")?, get("riser_force_n")?);
+        let (_, widest) = largest(area)?;
+        let (peak, most) = largest(force)?;
+        if widest < GROWTH * area.first()? || most <= 0.0 {
+            return None;
+        }
+        let start = force.iter().position(|f| *f >= STRETCHED * most)?;
+        let speed = stream_speed(get("stream_diameters")?, time, area, start)?;
+        let full = first_opening(time, area, start, FULL * widest);
+        let filling = full.map(|k| time[k] - time[start]);
+        let dynamic = 0.5 * reference.density_kg_m3 * speed * speed;
+        Some(Self {
+            line_stretch_s: time[start],
+            speed_m_s: speed,
+            opened_s: full.map(|k| time[k]),
+            opened_area_m2: full.map(|k| area[k]),
+            filling_time_s: filling,
+            filling_constant: filling.map(|t| t * speed / reference.nominal_diameter()),
+            largest_force_n: most,
+            largest_force_s: time[peak],
+            largest_force_share: most / (dynamic * reference.nominal_area_m2),
+            mass_ratio: reference.mass_ratio(),
+            nominal_diameter_m: reference.nominal_diameter(),
+        })
+    }
+
+    /// The figures in words.
+    pub fn line(&self) -> String {
+        let filled = match (self.filling_time_s, self.filling_constant) {
+            (Some(time), Some(n)) => format!("filled in {time:.3} s, {n:.2} D0/v"),
+            _ => "still filling at the end".into(),
+        };
+        let mass = self.mass_ratio.map_or("infinite mass".into(), |r| format!("mass ratio {r:.3}"));
+        format!(
+            "opening: line stretch at {:.3} s with {:.2} m/s; {filled}; largest riser force {:.0} N at {:.3} s, {:.3} of q S0 ({mass}, D0 {:.3} m)",
+            self.line_stretch_s,
+            self.speed_m_s,
+            self.largest_force_n,
+            self.largest_force_s,
+            self.largest_force_share,
+            self.nominal_diameter_m
+        )
+    }
+}
+
+/// Mean drag over mean dynamic pressure in the last half of the windows of a history, the drag area $`C_D S`$, m2; `None` without a stream.
+pub fn drag_area(columns: &[(String, Vec<f64>)], density: f64) -> Option<f64> {
+    let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| &values[..]);
+    let (time, area, drag) = (get("time_s")?, get("projected_area_m2")?, get("drag_n")?);
+    let diameters = get("stream_diameters")?;
+    let late = time.len() / 2..time.len();
+    let speeds: Option<Vec<f64>> = late.clone().map(|k| stream_speed(diameters, time, area, k)).collect();
+    let pressure: f64 = speeds?.iter().map(|v| 0.5 * density * v * v).sum();
+    (pressure > 0.0).then(|| drag[late].iter().sum::<f64>() / pressure)
+}
+
+/// Speed of the undisturbed air in window `k`, m/s: diameters of stream times the diameter of the projected area, over the length of the window.
+fn stream_speed(diameters: &[f64], time: &[f64], area: &[f64], k: usize) -> Option<f64> {
+    let before = |values: &[f64]| k.checked_sub(1).map_or(0.0, |k| values[k]);
+    let (passed, dt) = (diameters[k] - before(diameters), time[k] - before(time));
+    let speed = passed * (4.0 / PI * area[k]).sqrt() / dt;
+    (speed.is_finite() && speed > 0.0).then_some(speed)
+}
+
+/// The first window from `start` on whose area is at least `least` and is not exceeded within a tenth of the time since `start`.
+fn first_opening(time: &[f64], area: &[f64], start: usize, least: f64) -> Option<usize> {
+    let end = time[time.len() - 1];
+    (start + 1..time.len()).filter(|&k| area[k] >= least).find(|&k| {
+        let until = time[k] + HELD * (time[k] - time[start]);
+        let held = area[k + 1..].iter().zip(&time[k + 1..]).take_while(|(_, t)| **t <= until);
+        until <= end && held.into_iter().all(|(a, _)| *a <= area[k])
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const REFERENCE: OpeningReference =
+        OpeningReference { density_kg_m3: 1.2, nominal_area_m2: 0.25 * PI * 64.0, mass_kg: Some(122.88) };
+
+    /// A canopy of D0 = 8 m in a stream of 20 m/s whose area grows to 32 m2 in 0.9 s from 0.1 s on, and swings by 2 m2 afterwards.
+    fn history(end: f64) -> Vec<(String, Vec<f64>)> {
+        let dt = 0.005;
+        let time: Vec<f64> = (1..=(end / dt).round() as usize).map(|k| k as f64 * dt).collect();
+        let area = |t: f64| {
+            let share = ((t - 0.1) / 0.9).clamp(0.0, 1.0);
+            let after = (t - 1.0).max(0.0);
+            2.0 + 30.0 * share * share - (1.0 - (6.0 * after).cos())
+        };
+        let force = |t: f64| if t < 0.1 { 0.0 } else { 500.0 + 9000.0 * (-((t - 0.8) / 0.2).powi(2)).exp() };
+        let mut passed = 0.0;
+        let stream = time.iter().map(|&t| {
+            passed += 20.0 * dt / diameter(area(t));
+            passed
+        });
+        vec![
+            ("stream_diameters".into(), stream.collect()),
+            ("projected_area_m2".into(), time.iter().map(|&t| area(t)).collect()),
+            ("riser_force_n".into(), time.iter().map(|&t| force(t)).collect()),
+            ("time_s".into(), time),
+        ]
+    }
+
+    #[test]
+    fn opening_is_measured_from_line_stretch() {
+        let o = Opening::of_history(&history(3.0), &REFERENCE).expect("an opening");
+        assert!((o.line_stretch_s - 0.1).abs() < 0.006, "{o:?}");
+        assert!((o.speed_m_s - 20.0).abs() < 1e-9, "{o:?}");
+        assert!((o.filling_time_s.unwrap() - 0.9).abs() < 0.006, "{o:?}");
+        assert!((o.filling_constant.unwrap() - 0.9 * 20.0 / 8.0).abs() < 0.02, "{o:?}");
+        assert!((o.largest_force_n - 9500.0).abs() < 1.0 && (o.largest_force_s - 0.8).abs() < 0.006);
+        assert!((o.largest_force_share - 9500.0 / (240.0 * REFERENCE.nominal_area_m2)).abs() < 1e-4);
+        assert!((o.mass_ratio.unwrap() - 0.2).abs() < 1e-12);
+        assert!(o.line().contains("filled in 0.9"), "{}", o.line());
+    }
+
+    /// The drag area of a canopy with a constant drag of 6 kN in air of 20 m/s.
+    #[test]
+    fn drag_area_is_drag_over_dynamic_pressure() {
+        let mut columns = history(3.0);
+        columns.push(("drag_n".into(), vec![6000.0; columns[0].1.len()]));
+        assert!((drag_area(&columns, 1.2).unwrap() - 25.0).abs() < 1e-9);
+    }
+
+    /// A stage that ends before the area has stopped to grow states no filling time; one without growth is no opening.
+    #[test]
+    fn openings_that_have_not_ended_are_no_figures() {
+        let o = Opening::of_history(&history(0.9), &REFERENCE).expect("an opening");
+        assert_eq!((o.filling_time_s, o.filling_constant), (None, None));
+        assert!(o.line().contains("still filling"), "{}", o.line());
+        let mut open = history(3.0);
+        open.iter_mut().for_each(|(_, v)| *v = v.split_off(190));
+        assert_eq!(Opening::of_history(&open, &REFERENCE), None);
+    }
+}
