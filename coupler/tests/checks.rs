@@ -44,6 +44,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("hard/thin-cells/scene.toml", &[]),
     ("plate-gmsh/scene.toml", &[]),
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
+    ("validation/flexible-cavity/scene.toml", &[]),
 ];
 
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/checks.md");

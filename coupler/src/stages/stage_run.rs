@@ -17,7 +17,7 @@ use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 use coupling::structure_energy;
 use coupling::window_clock::WindowClock;
 use results::checkpoint::{self, Seal};
-use results::history::{History, Iterations, Row};
+use results::history::{History, Iterations, Points, Row};
 use results::opening::OpeningReference;
 use results::progress::Progress;
 use results::summary::StageSummary;
@@ -40,11 +40,18 @@ struct Records {
     history: History,
     /// Coupling iterations; coupled stages only.
     iterations: Option<Iterations>,
+    /// Displacement of chosen points of the canopy; stages with the structure only.
+    points: Option<Points>,
 }
 
 impl Records {
     /// Creates the files in `folder`; `resumed`: appends to the existing ones.
-    fn open(folder: &std::path::Path, kind: StageKind, resumed: bool) -> Result<Self, RunError> {
+    fn open(
+        folder: &std::path::Path,
+        kind: StageKind,
+        points: &[(String, usize)],
+        resumed: bool,
+    ) -> Result<Self, RunError> {
         let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
         let coupled = kind == StageKind::Coupled;
         let history = if resumed { History::resume(&rows, kind)? } else { History::create(&rows, kind)? };
@@ -53,11 +60,15 @@ impl Records {
             (true, true) => Some(Iterations::resume(&all)?),
             (true, false) => Some(Iterations::create(&all)?),
         };
-        Ok(Self { history, iterations })
+        let points = if kind.roles().contains(&Role::Structure) { points } else { &[] };
+        let points = Points::open(&folder.join("points.csv"), points, resumed)?;
+        Ok(Self { history, iterations, points })
     }
 
-    fn push(&mut self, row: &Row) -> Result<(), RunError> {
+    /// Adds a window, at whose end the canopy has `displacement`, `[nodes][3]`, m.
+    fn push(&mut self, row: &Row, displacement: &[f64]) -> Result<(), RunError> {
         self.history.push(row)?;
+        self.points.as_mut().map_or(Ok(()), |points| points.push(row.time_s, displacement))?;
         self.iterations.as_mut().map_or(Ok(()), |iterations| iterations.push(row))
     }
 }
@@ -121,7 +132,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
             };
         }
         let folder = case::stage_folder(context.out, context.scene, context.stage);
-        let records = Records::open(&folder, stage.kind, resumed.is_some())?;
+        let records =
+            Records::open(&folder, stage.kind, &context.interface.points(context.scene), resumed.is_some())?;
         let clock = match resumed {
             Some(saved) => unpack(&saved.clock)?,
             None => WindowClock::new(stage.window_s, context.adaptive(partners)),
@@ -190,7 +202,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let AcceptedWindow { window, before, report } = accepted;
         let row = self.row(&window, report);
         self.warn(&row);
-        self.records.push(&row)?;
+        self.records.push(&row, &self.stepper.state().displacement)?;
         self.check_flow(&row, window, &before)?;
         if let Some(text) = self.leakage_warning(&row) {
             self.window_warning(&text);

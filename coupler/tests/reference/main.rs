@@ -2,6 +2,7 @@
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test --release -p coupler --test reference`.
 
+mod canopy_types;
 mod command_line;
 mod environment;
 mod markdown;

@@ -174,6 +174,7 @@ fn page() -> String {
             columns_table(columns::FORCE_COEFFICIENTS)
         ),
     );
+    add("Columns of `points.csv`", format!("One set for each point.\n\n{}", columns_table(columns::POINTS)));
     add("Columns of `probes.csv`", format!("One set for each probe.\n\n{}", columns_table(columns::PROBES)));
     add("Columns of `payload.csv`", columns_table(columns::PAYLOAD));
     add("Columns of `{stage}-difference.csv`", differences_table());

@@ -1,5 +1,6 @@
 //! Commented scenes of canopy types.
 
+use std::f64::consts::PI;
 use std::fmt::Write as _;
 
 use crate::{CanopyType, inertial_coefficient, nominal_area};
@@ -269,7 +270,7 @@ fn flow(t: CanopyType, d: f64, wind: Option<f64>) -> String {
 /// Length of the skirt, or of the ring of line attachments, m.
 fn skirt(t: CanopyType, d: f64) -> f64 {
     match t {
-        CanopyType::FlatCircular | CanopyType::Annular | CanopyType::Ringslot => 3.14 * d,
+        CanopyType::FlatCircular | CanopyType::Annular | CanopyType::Ringslot => PI * d,
         CanopyType::Conical | CanopyType::Ribbon => 3.04 * d,
         CanopyType::Hemispherical => 2.22 * d,
         CanopyType::ExtendedSkirt => 2.65 * d,

@@ -117,6 +117,16 @@ impl CanopyInterface {
         Ok(Self { coords, faces: mesh.faces, panels, payload, masses, sizes })
     }
 
+    /// Name and node of each point of `[[output.point]]`: the interface node nearest to it in the unstressed shape.
+    pub fn points(&self, scene: &Scene) -> Vec<(String, usize)> {
+        let nearest = |at: [f64; 3]| {
+            let distance = |x: &mesh::Point| (0..3).map(|i| (x[i] - at[i]).powi(2)).sum::<f64>();
+            let nodes = self.coords.iter().map(distance).enumerate();
+            nodes.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(node, _)| node)
+        };
+        scene.output.points.iter().map(|p| (p.name.clone(), nearest(p.at_m))).collect()
+    }
+
     /// Interface nodes.
     pub fn nodes(&self) -> usize {
         self.coords.len()

@@ -197,6 +197,14 @@ pub const PROBES: &[Column] = &[
     column("{probe}_t_k", "Temperature."),
 ];
 
+/// Columns of `points.csv`, a row for each accepted window, where the scene has `[[output.point]]`; one set for each point.
+pub const POINTS: &[Column] = &[
+    column("time_s", "Time at the end of the window, from the start of the stage."),
+    column("{point}_x_m", "Displacement of the node from its place in the unstressed shape, along x."),
+    column("{point}_y_m", "The same, y."),
+    column("{point}_z_m", "The same, z."),
+];
+
 /// Columns of `payload.csv`, a row for each accepted window, where the scene has `[descent.body]`.
 pub const PAYLOAD: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),

@@ -59,6 +59,12 @@ pub const RUN: &[ResultFile] = &[
         "each accepted window of a coupled stage",
         "A row for each coupling iteration, CSV; columns below.",
     ),
+    file(
+        "{stage}/points.csv",
+        COUPLER,
+        "each accepted window of a stage with the structure, with `[[output.point]]`",
+        "Displacement of points of the canopy, CSV.",
+    ),
     file("{stage}/descent.svg", COUPLER, "end of a coupled stage", "Descent speed and drag over time, SVG."),
     file("{stage}/logs/{role}.log", COUPLER, "during the stage", "Output of a program, text."),
     file(

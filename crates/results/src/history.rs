@@ -385,6 +385,52 @@ impl Iterations {
     }
 }
 
+/// Writer of `points.csv`: displacement of chosen nodes of the canopy.
+pub struct Points {
+    path: PathBuf,
+    file: BufWriter<File>,
+    /// Nodes of the canopy.
+    nodes: Vec<usize>,
+}
+
+impl Points {
+    /// Creates the file with its header line, or, where the stage is `resumed`, appends to a file that was truncated to the restart window. `points`: names and
+    /// nodes; `None` without a point.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn open(path: &Path, points: &[(String, usize)], resumed: bool) -> Result<Option<Self>, RunError> {
+        if points.is_empty() {
+            return Ok(None);
+        }
+        let nodes = points.iter().map(|(_, node)| *node).collect();
+        if resumed && path.exists() {
+            return Ok(Some(Self { path: path.into(), file: BufWriter::new(append(path)?), nodes }));
+        }
+        let file = File::create(path).map_err(RunError::file("create", path))?;
+        let mut all = Self { path: path.into(), file: BufWriter::new(file), nodes };
+        let columns = points.iter().flat_map(|(name, _)| ["x", "y", "z"].map(|x| format!(",{name}_{x}_m")));
+        all.line(&format!("time_s{}", columns.collect::<String>()))?;
+        Ok(Some(all))
+    }
+
+    /// Adds the end of a window: its time (s) and the displacement of the canopy, `[nodes][3]`, m.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn push(&mut self, time: f64, displacement: &[f64]) -> Result<(), RunError> {
+        let cells = self.nodes.iter().flat_map(|n| &displacement[3 * n..3 * n + 3]);
+        let text: String = cells.map(|x| format!(",{x:.9e}")).collect();
+        self.line(&format!("{time:.9}{text}"))
+    }
+
+    fn line(&mut self, text: &str) -> Result<(), RunError> {
+        writeln!(self.file, "{text}")
+            .and_then(|()| self.file.flush())
+            .map_err(RunError::file("write", &self.path))
+    }
+}
+
 fn append(path: &Path) -> Result<File, RunError> {
     File::options().append(true).open(path).map_err(RunError::file("write", path))
 }

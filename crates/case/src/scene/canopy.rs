@@ -493,7 +493,7 @@ fn gored(g: &GoredCanopy, radials: bool, c: &mut Check) {
 /// Refuses sections that cannot be sewn.
 fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
     let chain = g.profile == GoreProfile::Sections;
-    if chain != !g.sections.is_empty() {
+    if chain == g.sections.is_empty() {
         let (message, remedy) = if chain {
             (
                 "profile = \"sections\" has no [[canopy.section]]",

@@ -72,7 +72,7 @@ pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
 pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce};
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
-pub use output::Output;
+pub use output::{CanopyPoint, Output};
 pub use perturbation::Perturbation;
 use programs::Programs;
 pub use programs::{Ranks, Role};
@@ -268,6 +268,7 @@ fn checked(scene: &Scene) -> Check {
     descent::check(scene, &mut c);
     programs::check(scene, &mut c);
     reefing::check(scene, &mut c);
+    output::check(scene, &mut c);
     stages::check(scene, &mut c);
     c
 }

@@ -1,0 +1,42 @@
+//! `docs/reference/canopy-types.md`, from `crates/canopies`.
+
+use canopies::CanopyType;
+
+use super::markdown::{compare_or_write, head, table};
+
+fn page() -> String {
+    let number = |x: Option<f64>| x.map_or("-".into(), |x| x.to_string());
+    let row = |t: &CanopyType| {
+        let h = t.handbook();
+        let drag =
+            h.map_or("-".into(), |h| format!("{:.2} to {:.2}", h.drag_coefficient[0], h.drag_coefficient[1]));
+        vec![
+            format!("`{}`", t.name()),
+            t.description().split_once(": ").map_or(t.description(), |(_, text)| text).to_owned(),
+            drag,
+            number(h.and_then(|h| h.opening_force_coefficient)),
+            number(h.and_then(|h| h.filling_constant)),
+            t.geometric_porosity().map_or("-".into(), |p| format!("{:.0} %", 100.0 * p)),
+        ]
+    };
+    let rows: Vec<Vec<String>> = CanopyType::ALL.iter().map(row).collect();
+    let columns = [
+        "type",
+        "scene of `ripstop new`",
+        "drag coefficient on S0",
+        "opening force coefficient",
+        "filling constant",
+        "geometric porosity",
+    ];
+    let text = "Types of `ripstop new TYPE` ([how to start from one](../how-to/start-from-a-canopy-type.md)). Drag coefficients (steady descent), opening force coefficients \
+        (largest force over the steady drag at the same speed, infinite mass) and filling constants (filling time times speed over nominal diameter, unreefed) are those of Knacke, \
+        Parachute Recovery Systems Design Manual (1991), tables 5-1 to 5-6, quoted from memory: the tables were not opened. S0 is the nominal area of all fabric and openings. A \
+        geometric porosity is that of slots which no grid resolves and which the scene represents by a cloth. What Ripstop computes for these types: \
+        [validation](../records/validation.md).";
+    head("Canopy types", text) + "\n" + &table(&columns, &rows)
+}
+
+#[test]
+fn page_of_canopy_types_is_generated_from_the_code() {
+    compare_or_write("canopy-types.md", &page());
+}
