@@ -248,7 +248,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let ended = std::mem::take(&mut self.ended);
         self.summary.ended.clone_from(&ended);
         let folder = case::stage_folder(self.context.out, self.context.scene, self.context.stage);
-        self.summary.assess(&folder.join("history.csv"));
+        let risers = self.context.interface.sizes.risers;
+        self.summary.assess(&folder.join("history.csv"), self.context.scene, risers);
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();

@@ -9,6 +9,7 @@ use results::finding::{Finding, Severity};
 use results::history;
 use results::recording::compare::FIELDS;
 use results::settled::SettledMean;
+use results::strength::SafetyFactor;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::{ProgramTimings, StageTimings};
 use results::wake::{Sample, Wake};
@@ -33,6 +34,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Wake", "crates/results/src/wake.rs"),
     ("SettledMean", "crates/results/src/settled.rs"),
+    ("SafetyFactor", "crates/results/src/strength.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
     ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
     ("Finding", "crates/results/src/finding.rs"),
@@ -193,6 +195,14 @@ fn summary() -> RunSummary {
     let drag = time.iter().map(|t| t.sin()).collect();
     stage.wake = Wake::of(&stage.wake_samples);
     stage.settled = SettledMean::all(&[("time_s".into(), time), ("drag_n".into(), drag)]);
+    stage.safety_factors = vec![SafetyFactor {
+        part: "lines".into(),
+        tension_n: 1.0,
+        time_s: 1.0,
+        strength_n: 2.0,
+        factor: 2.0,
+        required: None,
+    }];
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {
         scene: scene.name.clone(),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use case::{Role, Stage, StageKind};
+use case::{Role, Scene, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use coupling::convergence::Convergence;
 use coupling::energy::CREATED;
@@ -14,6 +14,7 @@ use terminal::{clock, counted};
 use crate::finding::Finding;
 use crate::history::Row;
 use crate::settled::SettledMean;
+use crate::strength::SafetyFactor;
 use crate::timings::StageTimings;
 use crate::wake::{Sample, Wake};
 
@@ -127,6 +128,9 @@ pub struct StageSummary {
     /// Settled means of the quantities of `history.csv`; empty in a stage without a flow and in one with fewer than 40 windows.
     #[serde(default)]
     pub settled: Vec<SettledMean>,
+    /// Safety factors of lines and risers, where the scene has their strength.
+    #[serde(default)]
+    pub safety_factors: Vec<SafetyFactor>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -197,6 +201,7 @@ impl StageSummary {
             largest_leakage_share: None,
             wake: None,
             settled: Vec::new(),
+            safety_factors: Vec::new(),
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -214,10 +219,11 @@ impl StageSummary {
         }
     }
 
-    /// Evaluates the wake and the settled means over the windows so far, the latter from the history file of the stage. A history that cannot be read
-    /// leaves them out: it is not needed for the run.
-    pub fn assess(&mut self, history: &Path) {
+    /// Evaluates the wake, the settled means and the safety factors over the windows so far, the latter two from the history file of the
+    /// stage. A history that cannot be read leaves them out: it is not needed for the run. `risers` is the number of risers.
+    pub fn assess(&mut self, history: &Path, scene: &Scene, risers: usize) {
         self.wake = Wake::of(&self.wake_samples);
+        self.safety_factors = SafetyFactor::of_file(scene, risers, history).unwrap_or_default();
         if self.kind.roles().contains(&Role::Flow) {
             self.settled = SettledMean::of_file(history).unwrap_or_default();
         }
@@ -387,6 +393,17 @@ impl RunSummary {
         std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
     }
 
+    /// The smallest safety factor of all stages in words; `None` where the scene has no strength.
+    fn smallest_safety_factor(&self) -> Option<String> {
+        let of_stage = |s: &'_ StageSummary| {
+            let name = s.name.clone();
+            s.safety_factors.clone().into_iter().map(move |f| (name.clone(), f))
+        };
+        let all = self.stages.iter().flat_map(of_stage);
+        let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
+        Some(format!("  smallest {} of stage {stage}", least.line()))
+    }
+
     /// The table for the terminal.
     pub fn table(&self, out: &Path) -> String {
         let mut lines = vec![format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s))];
@@ -408,6 +425,7 @@ impl RunSummary {
         lines.extend(self.stages.iter().flat_map(StageSummary::settled_lines));
         let wakes = self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.wake?.line())));
         lines.extend(wakes);
+        lines.extend(self.smallest_safety_factor());
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {
