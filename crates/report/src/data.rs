@@ -7,6 +7,7 @@ use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
 use results::settled::SettledMean;
+use results::strength::SafetyFactor;
 use results::wake::Wake;
 use serde_json::Value;
 
@@ -64,6 +65,11 @@ impl Columns {
     /// The wake of the stage; `None` where its history has none.
     pub(super) fn wake(&self) -> Option<Wake> {
         Wake::of_history(&self.0)
+    }
+
+    /// Safety factors of lines and risers, of which the parachute has `risers`.
+    pub(super) fn safety_factors(&self, scene: &Scene, risers: usize) -> Vec<SafetyFactor> {
+        SafetyFactor::of(scene, risers, &self.0)
     }
 
     /// Number of windows.

@@ -30,6 +30,9 @@ pub enum LineMaterial {
     /// Spectra (Dyneema) line of 400 lb.
     #[serde(rename = "spectra-400")]
     Spectra400,
+    /// PIA-C-1200 type IIA: Spectra (Dyneema) cord without core, 600 lb.
+    #[serde(rename = "pia-c1200-type2a")]
+    PiaC1200Type2a,
     /// Spectra (Dyneema) line of 525 lb.
     #[serde(rename = "spectra-525")]
     Spectra525,
@@ -152,6 +155,15 @@ const CORDS: &[Cord] = &[
         note: "The modulus is that of straight fibre; a braid is softer at first.",
     },
     Cord {
+        material: LineMaterial::PiaC1200Type2a,
+        title: "Spectra (Dyneema) cord without core, PIA-C-1200 type IIA",
+        lb: published(600.0, SpecifiedMinimum, Source::PiaC1200),
+        elongation: POLYETHYLENE,
+        weight: Weight::Specific(SPECTRA_BRAID),
+        density: 980.0,
+        note: ESTIMATED_WEIGHT,
+    },
+    Cord {
         material: LineMaterial::Spectra525,
         title: "Spectra (Dyneema) line",
         lb: published(525.0, Typical, Source::Memory),
@@ -201,7 +213,7 @@ const CORDS: &[Cord] = &[
 
 impl LineMaterial {
     /// All of them, in the order of the page.
-    pub const ALL: [LineMaterial; 13] = [
+    pub const ALL: [LineMaterial; 14] = [
         LineMaterial::PiaC5040Type1,
         LineMaterial::PiaC5040Type2a,
         LineMaterial::PiaC5040Type2,
@@ -209,6 +221,7 @@ impl LineMaterial {
         LineMaterial::NylonCoreless400,
         LineMaterial::Dacron600,
         LineMaterial::Spectra400,
+        LineMaterial::PiaC1200Type2a,
         LineMaterial::Spectra525,
         LineMaterial::Spectra725,
         LineMaterial::Spectra825,
@@ -227,6 +240,7 @@ impl LineMaterial {
             LineMaterial::NylonCoreless400 => "nylon-coreless-400",
             LineMaterial::Dacron600 => "dacron-600",
             LineMaterial::Spectra400 => "spectra-400",
+            LineMaterial::PiaC1200Type2a => "pia-c1200-type2a",
             LineMaterial::Spectra525 => "spectra-525",
             LineMaterial::Spectra725 => "spectra-725",
             LineMaterial::Spectra825 => "spectra-825",
