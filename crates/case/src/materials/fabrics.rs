@@ -141,7 +141,7 @@ const CLOTHS: &[Cloth] = &[
         lb_in: published(45.0, SpecifiedMinimum, Source::Certificate),
         elongation: published(20.0, SpecifiedMinimum, Source::Certificate),
         air: Air::Cfm(published(3.0, SpecifiedMaximum, Source::Certificate)),
-        note: "Permeability of 0.5 to 3 cfm. Means of the certified lots: 1.12 oz/yd², 0.038 mm thick, 48.5 lb/in at 24.1 % along the warp, \
+        note: "Permeability of 0.5 to 3 cfm. Means of the certificate: 1.12 oz/yd², 0.038 mm thick, 48.5 lb/in at 24.1 % along the warp, \
                47.0 lb/in at 22.1 % along the filling, 0.89 cfm.",
     },
     Cloth {

@@ -124,8 +124,7 @@ impl Source {
                  parachute permeability)"
             }
             Source::PiaC44378d => {
-                "PIA-C-44378D (2007), section 1.2: weight, weave and permeability of the types. First page read \
-                 (mydoc123.com/p-1016668.html)"
+                "PIA-C-44378D (2007), section 1.2: weight, permeability. First page read (mydoc123.com/p-1016668.html)"
             }
             Source::Certificate => {
                 "certificate of ten lots of PIA-C-44378E type IV, April 2025, in a public repository: limits of the specification and \
@@ -138,18 +137,16 @@ impl Source {
                 "parachutes of Spherachutes (2022), materials file for OpenRocket by H. C. Miller"
             }
             Source::Paracord => {
-                "dewellton.com/Acessories.html and pipesmagazine.com thread 16569: strength, elongation and length for each pound of \
-                 MIL-C-5040H type III"
+                "MIL-C-5040H type III as dewellton.com/Acessories.html and pipesmagazine.com (thread 16569) quote it"
             }
             Source::RocketMaterials => {
-                "library of rocket materials in a public repository, which cites MIL-C-5040H (1994), Table II, page 6: feet for each pound"
+                "rocket materials in a public repository, which cites MIL-C-5040H, Table II"
             }
             Source::FruityChutes => {
                 "parachutes of Fruity Chutes (2022), materials file for OpenRocket by H. C. Miller"
             }
             Source::PiaC1200 => {
-                "PIA-C-1200 (2013), section 1.2: strengths of Spectra cord from 300 to 10 000 lb. First page read \
-                 (mydoc123.com/p-1016654.html)"
+                "PIA-C-1200 (2013), section 1.2: strengths of Spectra cord. First page read (mydoc123.com/p-1016654.html)"
             }
             Source::PiaC2754d => {
                 "PIA-C-2754D (2015), section 1.2: feet for each pound of polyester cord. First page read (mydoc123.com/p-1016662.html)"
@@ -161,14 +158,12 @@ impl Source {
                 "Tension Technology, table 1, synthetic fibre yarn properties (tensiontech.cn): strength for each tex"
             }
             Source::RopeFibres => {
-                "Radio Works, physical properties of fibers (radioworks.com/nrope1.html): polyester elongates by 15 to 25 % at break"
+                "Radio Works, properties of fibers (radioworks.com/nrope1.html): elongation"
             }
             Source::Paper => {
                 "the paper (see [references](../references.md)), as in `cases/atps-descent/scene.toml`"
             }
-            Source::Memory => {
-                "from memory, not opened: compare it with the specification or the maker's sheet before use"
-            }
+            Source::Memory => "from memory, not opened: compare it with the specification before use",
         }
     }
 
