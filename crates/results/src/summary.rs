@@ -401,7 +401,7 @@ impl RunSummary {
         };
         let all = self.stages.iter().flat_map(of_stage);
         let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
-        Some(format!("  smallest {} of stage {stage}", least.line()))
+        Some(format!("  {stage}: smallest {}", least.line()))
     }
 
     /// The table for the terminal.
