@@ -155,6 +155,7 @@ const DURING: &[(&str, &str, &str)] = &[
     ),
     ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
     ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
+    ("strength.safety-factor", "crates/results/src/strength.rs", "load_above_the_strength_is_reported"),
     (
         "stages.release-pressure",
         "crates/coupling/src/release.rs",

@@ -285,9 +285,9 @@ fn cloth_lets_air_pass(comm: &Comm) {
     let drag = |viscous: f64| {
         let mut scene = scene("");
         scene.fabric.permeability = Some(case::Permeability {
-            cloth: None,
             viscous_pa_s_m: Some(viscous),
             inertial_pa_s2_m2: Some(viscous),
+            ..Default::default()
         });
         let mut p = flow(comm, &scene, None);
         let rest = vec![0.0; 3 * p.announce().canopy_nodes as usize];

@@ -40,7 +40,7 @@ fn printed(file: &Path) -> Vec<(String, f64)> {
 fn total_mass_is_the_sum_of_the_lumped_masses() {
     let mut scenes = vec![load("cases/atps-descent/scene.toml"), load("cases/atps-descent/tapes.toml")];
     let mut risers = load("cases/atps-descent/tapes.toml");
-    risers.risers = Some(case::Risers { axial_stiffness_n: 3e4, mass_kg_m: 0.02 });
+    risers.risers = Some(case::Risers { axial_stiffness_n: 3e4, mass_kg_m: 0.02, ..Default::default() });
     let mut former = load("cases/atps-descent/scene.toml");
     let case::Canopy::Atps(a) = &mut former.canopy else { panic!("an ATPS") };
     (a.reinforcements, a.reinforcement_spacing_cells) = (true, 3);

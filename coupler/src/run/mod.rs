@@ -19,7 +19,6 @@ use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::schemes::InterfaceState;
 use figures::plot;
-use results::opening::OpeningReference;
 use results::state;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::StageTimings;
@@ -128,8 +127,9 @@ impl<'a> Run<'a> {
         let ended = session::run_stage(&context, &self.prepared.file, self.options, state, &mut summary);
         let warnings = summary.convergence.stage_warnings(&summary.name, summary.windows);
         warnings.iter().for_each(|text| self.console.warning(text));
-        let reference = OpeningReference::of(&self.prepared.scene, &self.prepared.interface);
-        summary.assess(&folder.join("history.csv"), reference.as_ref());
+        summary.assess(&folder.join("history.csv"), context.scene, context.interface);
+        let overloaded = summary.safety_factors.iter().filter_map(|f| f.warning(&summary.name));
+        overloaded.for_each(|text| self.console.warning(&text));
         if ended.is_ok()
             && self.prepared.scene.main_stage() == stage
             && let Some(verdict) = summary.wake.as_ref().and_then(Wake::verdict)

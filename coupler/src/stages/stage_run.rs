@@ -18,7 +18,6 @@ use coupling::structure_energy;
 use coupling::window_clock::WindowClock;
 use results::checkpoint::{self, Seal};
 use results::history::{History, Iterations, Points, Row};
-use results::opening::OpeningReference;
 use results::progress::Progress;
 use results::summary::StageSummary;
 use results::wake::{self, Sample};
@@ -261,8 +260,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let ended = std::mem::take(&mut self.ended);
         self.summary.ended.clone_from(&ended);
         let folder = case::stage_folder(self.context.out, self.context.scene, self.context.stage);
-        let reference = OpeningReference::of(self.context.scene, self.context.interface);
-        self.summary.assess(&folder.join("history.csv"), reference.as_ref());
+        self.summary.assess(&folder.join("history.csv"), self.context.scene, self.context.interface);
         self.summary.wall_s = self.wall_before + self.progress.seconds();
         self.save(Some(ended))?;
         self.summary.wall_s = self.wall_before + self.progress.seconds();

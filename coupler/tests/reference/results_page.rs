@@ -10,6 +10,7 @@ use results::history;
 use results::opening::{Opening, OpeningReference};
 use results::recording::compare::FIELDS;
 use results::settled::SettledMean;
+use results::strength::SafetyFactor;
 use results::summary::{RunSummary, StageSummary};
 use results::timings::{ProgramTimings, StageTimings};
 use results::wake::{Sample, Wake};
@@ -35,6 +36,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("Wake", "crates/results/src/wake.rs"),
     ("Opening", "crates/results/src/opening.rs"),
     ("SettledMean", "crates/results/src/settled.rs"),
+    ("SafetyFactor", "crates/results/src/strength.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
     ("UnconvergedCount", "crates/coupling/src/convergence.rs"),
     ("Finding", "crates/results/src/finding.rs"),
@@ -205,6 +207,14 @@ fn summary() -> RunSummary {
     let air = OpeningReference { density_kg_m3: 1.0, nominal_area_m2: 1.0, mass_kg: None };
     stage.opening = Opening::of_history(&opens, &air);
     stage.settled = SettledMean::all(&[("time_s".into(), time), ("drag_n".into(), drag)]);
+    stage.safety_factors = vec![SafetyFactor {
+        part: "lines".into(),
+        tension_n: 1.0,
+        time_s: 1.0,
+        strength_n: 2.0,
+        factor: 2.0,
+        required: None,
+    }];
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {
         scene: scene.name.clone(),

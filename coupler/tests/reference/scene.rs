@@ -221,6 +221,7 @@ fn names(inner: &Value) -> Vec<(String, String)> {
 fn default_of(schema: &Schema, key: &Key) -> String {
     match &key.schema["default"] {
         _ if key.required => "required".into(),
+        _ if key.needed => "required without `material`".into(),
         Value::Array(_) if schema.listed(&key.schema).is_some() => "default: none".into(),
         Value::Object(_) => "default: that of each key".into(),
         Value::Null => "default: absent".into(),

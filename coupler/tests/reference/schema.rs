@@ -10,6 +10,8 @@ pub struct Key {
     pub name: String,
     pub schema: Value,
     pub required: bool,
+    /// Required where the table has no `material`.
+    pub needed: bool,
 }
 
 /// A table of the scene with its keys.
@@ -72,9 +74,12 @@ impl Schema {
         for schema in schemas {
             let required: Vec<&str> =
                 schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+            let needed = schema.pointer("/then/required").and_then(Value::as_array).into_iter().flatten();
+            let needed: Vec<&str> = needed.filter_map(Value::as_str).collect();
             for (name, schema) in schema["properties"].as_object().into_iter().flatten() {
-                let required = required.contains(&name.as_str());
-                keys.insert(name.clone(), Key { name: name.clone(), schema: schema.clone(), required });
+                let [required, needed] = [&required, &needed].map(|all| all.contains(&name.as_str()));
+                let key = Key { name: name.clone(), schema: schema.clone(), required, needed };
+                keys.insert(name.clone(), key);
             }
         }
         keys.into_values().collect()

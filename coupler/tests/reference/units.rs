@@ -3,6 +3,7 @@
 /// Ends of names and their units, longer ends before the shorter ones that they contain.
 const UNITS: &[(&str, &str)] = &[
     ("_pa_s2_m2", "Pa s²/m²"),
+    ("strength_n_m", "N/m"),
     ("_pa_s_m", "Pa s/m"),
     ("_rad_s", "rad/s"),
     ("_kg_m3", "kg/m³"),
@@ -52,6 +53,8 @@ fn units_are_read_from_the_ends_of_names() {
         ("youngs_modulus_2_pa", Some("Pa")),
         ("inertia_kg_m2", Some("kg m²")),
         ("mass_kg_m", Some("kg/m")),
+        ("strength_n_m", Some("N/m")),
+        ("strength_n", Some("N")),
         ("canopy_moment_x_n_m", Some("N m")),
         ("cells_across", None),
         ("k", None),

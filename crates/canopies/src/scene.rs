@@ -198,28 +198,21 @@ fn atps(scale: f64) -> String {
 
 fn fabric(t: CanopyType, d: f64, folds: bool) -> String {
     let mut text = "[fabric]\n".to_owned();
-    text += &key("youngs_modulus_pa", "4e8", "nylon rip-stop of 37 g/m2");
-    text += "poisson_ratio = 0.3\n";
-    text += &key("thickness_m", "5e-5", "times density_kg_m3: mass per area");
-    text += "density_kg_m3 = 740.0\n";
-    text += &key("wrinkling", "true", "fabric carries no compression");
-    match t.geometric_porosity() {
-        Some(porosity) => {
-            let b = digits(inertial_coefficient(porosity, DENSITY));
-            text += &format!(
-                "\n[fabric.permeability]         # equivalent cloth of a geometric porosity of {porosity}: pressure jump b w^2\n\
-                 viscous_pa_s_m = 0.0\ninertial_pa_s2_m2 = {b}\n"
-            );
-        }
-        None => text += "\n[fabric.permeability]\ncloth = \"mil-c7020-type3\"\n",
+    let material = "\"pia-c7020-type1\"";
+    text += &key("material", material, "nylon rip-stop of 37 g/m2 (docs/reference/materials.md)");
+    if let Some(porosity) = t.geometric_porosity() {
+        let b = digits(inertial_coefficient(porosity, DENSITY));
+        text += &format!(
+            "\n[fabric.permeability]         # equivalent cloth of a geometric porosity of {porosity}: pressure jump b w^2\n\
+             viscous_pa_s_m = 0.0\ninertial_pa_s2_m2 = {b}\n"
+        );
     }
     if folds {
         text += &format!("\n[fabric.contact]\n{}", key("distance_m", digits(0.0024 * d), "layers keep it"));
         text += "\n[fabric_gravity]\n";
     }
     text += "\n[lines]\n";
-    text += &key("youngs_modulus_pa", "2.6e9", "times area_m2: 8.1 kN per unit of strain");
-    text + "area_m2 = 3.11e-6\ndensity_kg_m3 = 1223.5\n\n"
+    text + &key("material", "\"pia-c5040-type3\"", "nylon cord of 550 lb") + "\n"
 }
 
 fn tapes(t: CanopyType) -> String {

@@ -55,6 +55,17 @@ pub const CHECKS: &[Check] = &[
         when: When::Before(strain),
     },
     Check {
+        id: "fabric.strength",
+        what: "the fabric carries the load pressure",
+        estimate: "strength_n_m over p R, the force for each width of a canopy of radius R = width / 2 under the load pressure p; only where \
+                   the scene or its material has a strength. Peaks at seams and line attachments are about four times p R",
+        range: "warning below 1; below fabric.safety_factor the figure says so",
+        source: "membrane force of a cylinder that carries p along one direction; half of it in a sphere",
+        severity: Warning,
+        remedy: "choose a stronger fabric.material, or reduce the load; give strength_n_m in N/m (1 lb/in is 175 N/m)",
+        when: When::Before(strength),
+    },
+    Check {
         id: "fabric.mass-ratio",
         what: "the coupling scheme is stable for the ratio of fabric mass to added mass",
         estimate: "m* = (fabric, kg/m2) / (8/(3 pi) rho R), the mass of the fabric over the added mass of a disk of radius \
@@ -139,6 +150,30 @@ fn strain(f: &Facts<'_>) -> Vec<Judged> {
         digits(p)
     );
     vec![Judged::new(outside(strain, [0.0, 0.1], [0.0, 5.0]), "fabric.youngs_modulus_pa", figure)]
+}
+
+fn strength(f: &Facts<'_>) -> Vec<Judged> {
+    let Some(strength) = f.scene.fabric.strength_n_m else { return Vec::new() };
+    let (p, load) = f.load_pressure();
+    if p == 0.0 {
+        return Vec::new();
+    }
+    let force = 0.5 * p * f.numbers.width;
+    let factor = safety_factor(strength / force, f.scene.fabric.safety_factor);
+    let figure = format!(
+        "the fabric carries about {} N/m under {} Pa, {load}: {factor}; peak values are about four times higher",
+        digits(force),
+        digits(p)
+    );
+    let severity = if strength < force { Warning } else { Note };
+    vec![Judged::new(severity, "fabric.strength_n_m", figure)]
+}
+
+/// A safety factor in words, with the required one where it is below that.
+pub(super) fn safety_factor(factor: f64, required: Option<f64>) -> String {
+    let below = required.filter(|required| factor < *required);
+    let below = below.map_or(String::new(), |required| format!(", below the required {}", digits(required)));
+    format!("safety factor {}{below}", digits(factor))
 }
 
 fn mass_ratio(f: &Facts<'_>) -> Vec<Judged> {

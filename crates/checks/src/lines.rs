@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use mesh::{CableKind, Point, StructureMesh};
 
+use super::fabric::safety_factor;
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
 use super::finding::Severity::{Error, Note, Warning};
@@ -66,6 +67,16 @@ pub const CHECKS: &[Check] = &[
         remedy: "check descent.payload_mass_kg (kg), lines.youngs_modulus_pa (nylon cord: 5e8 to 5e9 Pa) and \
                  lines.area_m2 (m2)",
         when: When::Before(stretch),
+    },
+    Check {
+        id: "lines.strength",
+        what: "the lines carry the weight",
+        estimate: "n strength_n / (m g) for n lines that share the weight; only where the scene or its material has a strength",
+        range: "warning below 1; below lines.safety_factor the figure says so",
+        source: "statics; an opening shock is 1.1 to 1.8 times the steady load (Knacke), and lines do not share it evenly",
+        severity: Warning,
+        remedy: "choose a stronger lines.material or more lines; give strength_n in N (1 lb is 4.45 N)",
+        when: When::Before(strength),
     },
 ];
 
@@ -232,6 +243,17 @@ fn stretch(f: &Facts<'_>) -> Vec<Judged> {
     let figure =
         format!("the weight of {} N stretches {count} lines by {}", digits(f.weight()), percent(strain));
     vec![Judged::new(severity, "lines.youngs_modulus_pa", figure)]
+}
+
+fn strength(f: &Facts<'_>) -> Vec<Judged> {
+    let count = lines(&f.mesh, CableKind::SuspensionLine).len();
+    let material = f.scene.lines.as_ref().filter(|_| count > 0 && f.weight() > 0.0);
+    let Some((l, strength)) = material.and_then(|l| Some((l, l.strength_n?))) else { return Vec::new() };
+    let share = f.weight() / count as f64;
+    let factor = safety_factor(strength / share, l.safety_factor);
+    let figure = format!("each of {count} lines carries {} N of the weight: {factor}", digits(share));
+    let severity = if strength < share { Warning } else { Note };
+    vec![Judged::new(severity, "lines.strength_n", figure)]
 }
 
 #[cfg(test)]

@@ -163,6 +163,18 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "strength.safety-factor",
+        what: "lines and risers carry less than their strength",
+        estimate: "strength over the largest tension at the ends of windows (safety_factors in summary.json): of lines lines.strength_n over \
+                   max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound. The history has no stress \
+                   of the fabric, and tensions within a window are not seen",
+        range: "warning below 1 at the end of the stage; below safety_factor of the section the figure says so",
+        source: "the strength of the scene or of its material",
+        severity: Warning,
+        remedy: "choose a stronger material, more lines, or a slower opening; the run continues, as nothing breaks in it",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "stages.at-rest",
         what: "the canopy is at rest at the end of a pre-inflation that a stage with the flow starts from",
         estimate: "kinetic energy over strain energy in the last window",

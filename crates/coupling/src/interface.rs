@@ -1,5 +1,7 @@
 //! The interface between structure and flow: geometry of the canopy, masses, work of loads.
 
+use std::collections::BTreeSet;
+
 use case::{Scene, TapePlace};
 use channel::LOAD_WIDTH;
 use mesh::{CableKind, StructureMesh};
@@ -89,6 +91,8 @@ pub struct Sizes {
     pub triangles: usize,
     /// Cable elements.
     pub cables: usize,
+    /// Risers.
+    pub risers: usize,
     /// Fabric area, m2.
     pub fabric_area: f64,
 }
@@ -101,10 +105,12 @@ impl CanopyInterface {
     pub fn new(scene: &Scene) -> Result<Self, RunError> {
         let mesh = mesh::structure_mesh(scene).map_err(|e| RunError::Input(e.to_string()))?;
         let masses = masses(scene, &mesh);
+        let risers = mesh.cables.iter().filter(|c| c.kind == CableKind::Riser).map(|c| c.line);
         let sizes = Sizes {
             nodes: mesh.coords.len(),
             triangles: mesh.triangles.len(),
             cables: mesh.cables.len(),
+            risers: risers.collect::<BTreeSet<_>>().len(),
             fabric_area: mesh.fabric_area(|_| true),
         };
         let payload = payload(scene, &mesh);
@@ -258,7 +264,7 @@ mod tests {
             panels: vec![0; 4],
             payload: Some([1.0, 1.0, -2.0]),
             masses: Masses::default(),
-            sizes: Sizes { nodes: 4, triangles: 2, cables: 0, fabric_area: 4.0 },
+            sizes: Sizes { nodes: 4, triangles: 2, cables: 0, risers: 0, fabric_area: 4.0 },
         }
     }
 
@@ -371,7 +377,7 @@ mod tests {
         let hem = case::Tape { axial_stiffness_n: 1e3, mass_kg_m: 1e-3 };
         let grid = case::TapeGrid { axial_stiffness_n: 1e3, mass_kg_m: 4e-3, spacing_m: 0.5 };
         scene.tapes = Some(case::Tapes { hem: Some(hem), grid: Some(grid), ..case::Tapes::default() });
-        scene.risers = Some(case::Risers { axial_stiffness_n: 1e4, mass_kg_m: 2e-3 });
+        scene.risers = Some(case::Risers { axial_stiffness_n: 1e4, mass_kg_m: 2e-3, ..Default::default() });
         let masses = CanopyInterface::new(&scene).expect("a canopy").masses;
         let grid_kg = 2.0 * 139.874 / 0.5 * 4e-3;
         assert!((masses.tapes[0] - 0.024384).abs() < 1e-12, "{masses:?}");

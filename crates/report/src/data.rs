@@ -7,6 +7,7 @@ use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
 use results::settled::SettledMean;
+use results::strength::SafetyFactor;
 use results::wake::Wake;
 use serde_json::Value;
 
@@ -69,6 +70,11 @@ impl Columns {
     /// All columns with their names.
     pub(super) fn all(&self) -> &[(String, Vec<f64>)] {
         &self.0
+    }
+
+    /// Safety factors of lines and risers, of which the parachute has `risers`.
+    pub(super) fn safety_factors(&self, scene: &Scene, risers: usize) -> Vec<SafetyFactor> {
+        SafetyFactor::of(scene, risers, &self.0)
     }
 
     /// Number of windows.

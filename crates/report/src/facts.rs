@@ -44,6 +44,7 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
         drag(run),
         projected_area(columns),
         line_tension(columns),
+        safety_factor(run),
         coupling_effort(columns),
         Some(wall_time(run)),
     ];
@@ -139,6 +140,21 @@ fn line_tension(columns: &Columns) -> Option<Card> {
     let most = columns.max("max_line_tension_n").filter(|t| *t > 0.0)?;
     let risers = columns.max("riser_force_n").map(|f| format!("riser force at most {} N", digits(f)));
     Some(card("Maximum line tension", format!("{} N", digits(most)), risers.into_iter().collect()))
+}
+
+/// The smallest safety factor of all stages; `None` where the scene has no strength.
+fn safety_factor(run: &Run) -> Option<Card> {
+    let risers = CanopyInterface::new(run.scene()).ok()?.sizes.risers;
+    let of_stage = |stage| {
+        let (stage, name): (&StageData, _) = (stage, &run.stage(stage).name);
+        stage.columns.safety_factors(run.scene(), risers).into_iter().map(move |f| (name, f))
+    };
+    let all = run.stages.iter().flat_map(of_stage);
+    let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
+    let mut notes = vec![format!("{}, stage {stage}", least.line())];
+    notes.push("at the ends of windows; the history has no stress of the fabric".into());
+    let warn = least.factor < least.required.unwrap_or(1.0);
+    Some(Card { warn, ..card("Smallest safety factor", format!("{:.2}", least.factor), notes) })
 }
 
 /// Mean flow solves per window, and the interface energy error.

@@ -102,6 +102,26 @@ fn page_loads_nothing_and_is_well_formed() {
     }
 }
 
+/// 24 lines of 300 N: 240 N at most in the descent and 200 N before it. A factor below the required one is marked.
+#[test]
+fn smallest_safety_factor_is_that_of_all_stages() {
+    let history = |most: f64| {
+        format!("window,time_s,max_line_tension_n\n0,0.005,{}\n1,0.01,{most}\n2,0.015,90\n", 0.5 * most)
+    };
+    let run = folder(&[("pre-inflation", &history(200.0)), ("descent", &history(240.0))]);
+    assert!(!page(run.path()).contains("Smallest safety factor"));
+    let with = |keys: &str| {
+        std::fs::write(run.path().join("scene.toml"), SCENE.replace("[lines]", &format!("[lines]\n{keys}")))
+            .unwrap();
+        page(run.path())
+    };
+    let text =
+        "safety factor of lines 1.25: largest tension 240.0 N at 0.0100 s, strength 300.0 N, stage descent";
+    assert!(with("strength_n = 300.0").contains(text));
+    let below = with("strength_n = 300.0\nsafety_factor = 2.0");
+    assert!(below.contains("safety factor of lines 1.25, below the required 2: largest tension 240.0 N"));
+}
+
 /// The descent of the paper over `rows` windows of 0.5 s with side forces of amplitude `side` (N), 0.5 diameters of stream a second.
 fn atps(side: f64, rows: u32) -> String {
     let folder = tempfile::tempdir().unwrap();

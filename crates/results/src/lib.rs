@@ -20,6 +20,7 @@ pub mod provenance;
 pub mod recording;
 pub mod settled;
 pub mod state;
+pub mod strength;
 pub mod summary;
 pub mod timings;
 pub mod wake;

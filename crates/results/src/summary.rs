@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use case::{Role, Stage, StageKind};
+use case::{Role, Scene, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use coupling::convergence::Convergence;
 use coupling::energy::CREATED;
 use coupling::error::RunError;
+use coupling::interface::CanopyInterface;
 use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
 use terminal::{clock, counted};
@@ -15,6 +16,7 @@ use crate::finding::Finding;
 use crate::history::Row;
 use crate::opening::{Opening, OpeningReference};
 use crate::settled::SettledMean;
+use crate::strength::SafetyFactor;
 use crate::timings::StageTimings;
 use crate::wake::{Sample, Wake};
 
@@ -131,6 +133,9 @@ pub struct StageSummary {
     /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage.
     #[serde(default)]
     pub opening: Option<Opening>,
+    /// Safety factors of lines and risers, where the scene has their strength.
+    #[serde(default)]
+    pub safety_factors: Vec<SafetyFactor>,
     /// Projected area at the end, m2.
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
@@ -202,6 +207,7 @@ impl StageSummary {
             wake: None,
             settled: Vec::new(),
             opening: None,
+            safety_factors: Vec::new(),
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
             speeds: Vec::new(),
@@ -219,17 +225,19 @@ impl StageSummary {
         }
     }
 
-    /// Evaluates the wake, the settled means and the opening over the windows so far, the last two from the history file of the stage. A history that cannot be
-    /// read leaves them out: it is not needed for the run.
-    pub fn assess(&mut self, history: &Path, reference: Option<&OpeningReference>) {
+    /// Evaluates the wake, the settled means, the opening and the safety factors over the windows so far, all but the wake from the history file of the stage. A
+    /// history that cannot be read leaves them out: it is not needed for the run.
+    pub fn assess(&mut self, history: &Path, scene: &Scene, interface: &CanopyInterface) {
         self.wake = Wake::of(&self.wake_samples);
+        let Ok((columns, _)) = crate::history::read_complete_rows(history) else { return };
+        self.safety_factors = SafetyFactor::of(scene, interface.sizes.risers, &columns);
         if !self.kind.roles().contains(&Role::Flow) {
             return;
         }
-        let Ok((columns, _)) = crate::history::read_complete_rows(history) else { return };
         self.settled = SettledMean::all(&columns);
         if self.kind == StageKind::Coupled {
-            self.opening = reference.and_then(|r| Opening::of_history(&columns, r));
+            let reference = OpeningReference::of(scene, interface);
+            self.opening = reference.and_then(|r| Opening::of_history(&columns, &r));
         }
     }
 
@@ -397,6 +405,17 @@ impl RunSummary {
         std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
     }
 
+    /// The smallest safety factor of all stages in words; `None` where the scene has no strength.
+    fn smallest_safety_factor(&self) -> Option<String> {
+        let of_stage = |s: &'_ StageSummary| {
+            let name = s.name.clone();
+            s.safety_factors.clone().into_iter().map(move |f| (name.clone(), f))
+        };
+        let all = self.stages.iter().flat_map(of_stage);
+        let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
+        Some(format!("  {stage}: smallest {}", least.line()))
+    }
+
     /// The table for the terminal.
     pub fn table(&self, out: &Path) -> String {
         let mut lines = vec![format!("{}: {} in {}", self.scene, self.ended, clock(self.wall_s))];
@@ -421,6 +440,7 @@ impl RunSummary {
         let openings =
             self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.opening?.line())));
         lines.extend(openings);
+        lines.extend(self.smallest_safety_factor());
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

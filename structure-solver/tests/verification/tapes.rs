@@ -115,7 +115,7 @@ fn tensions_are_in_the_order_of_the_cables() {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases/atps-descent/scene.toml");
     let mut scene = case::load(&file).expect("a scene");
     let plain = assembled(&scene);
-    scene.risers = Some(case::Risers { axial_stiffness_n: 3e3, mass_kg_m: 5e-3 });
+    scene.risers = Some(case::Risers { axial_stiffness_n: 3e3, mass_kg_m: 5e-3, ..Default::default() });
     let tape = case::Tape { axial_stiffness_n: 700.0, mass_kg_m: 1e-3 };
     scene.tapes = Some(case::Tapes { hem: Some(tape), vents: Some(tape), ..case::Tapes::default() });
     let taped = assembled(&scene);

@@ -3,13 +3,17 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Scene;
 use crate::check::Check;
+use crate::materials::required_without_material;
+use crate::{FabricMaterial, Scene};
 
 /// Material of the fabric, in plane stress.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = required_without_material)]
 pub struct Fabric {
+    /// Fabric of the library: it gives the keys of this table that the scene leaves out. Absent: the scene gives them all.
+    pub material: Option<FabricMaterial>,
     /// Law between strain and stress.
     #[serde(default)]
     pub law: Law,
@@ -21,6 +25,10 @@ pub struct Fabric {
     pub thickness_m: f64,
     /// Density, kg/m3.
     pub density_kg_m3: f64,
+    /// Breaking force for each width, N/m. Absent: no safety factor.
+    pub strength_n_m: Option<f64>,
+    /// Safety factor that the fabric should have: strength over largest force for each width. Absent: 1.
+    pub safety_factor: Option<f64>,
     /// Tension field (taut, wrinkled, slack) after Lu, Accorsi and Leonard
     /// (2001). Off: the fabric carries compression.
     #[serde(default)]
@@ -63,7 +71,8 @@ pub struct Orthotropic {
 }
 
 /// Fabric that lets air through: the pressure jump is `a v + b v |v|` for air that passes at
-/// `v` relative to the fabric. Either a cloth by name or both coefficients.
+/// `v` relative to the fabric. Given in one of four ways: a cloth by name, both coefficients, the air that passes at one
+/// pressure, or two measured points.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Permeability {
@@ -73,13 +82,25 @@ pub struct Permeability {
     pub viscous_pa_s_m: Option<f64>,
     /// Inertial coefficient `b`, Pa s2/m2.
     pub inertial_pa_s2_m2: Option<f64>,
+    /// Cubic feet of air a minute through a square foot at `at_pressure_pa` (ASTM D737): a = pressure / velocity, b = 0.
+    pub cfm_per_ft2: Option<f64>,
+    /// Pressure jump of `cfm_per_ft2`, Pa. Absent: 124.5, half an inch of water.
+    pub at_pressure_pa: Option<f64>,
+    /// Two measured points, each a pressure jump (Pa) and a velocity (m/s): both coefficients.
+    pub points: Option<[[f64; 2]; 2]>,
 }
+
+/// Velocity of a cubic foot a minute through a square foot, m/s.
+const CFM_PER_FT2: f64 = 0.3048 / 60.0;
+
+/// Half an inch of water, Pa.
+const HALF_INCH_OF_WATER: f64 = 124.5;
 
 /// Cloths of parachutes with their permeability at sea level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Cloth {
-    /// MIL-C-7020 type III, nylon rip-stop of 1.1 oz/yd2: a = 254 Pa s/m, b = 37.6 Pa s2/m2,
+    /// MIL-C-7020 type III, nylon rip-stop of 1.6 oz/yd2: a = 254 Pa s/m, b = 37.6 Pa s2/m2,
     /// a fit to measurements (weak at low pressure).
     MilC7020Type3,
     /// MIL-C-44378, calendered nylon of low porosity: a = 8170 Pa s/m, b = 0, from its limit
@@ -104,12 +125,39 @@ impl Cloth {
 impl Permeability {
     /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients; default 0.
     pub fn coefficients(&self) -> (f64, f64) {
-        match self.cloth {
-            Some(Cloth::MilC7020Type3) => (254.0, 37.6),
-            Some(Cloth::MilC44378) => (8170.0, 0.0),
-            None => (self.viscous_pa_s_m.unwrap_or(0.0), self.inertial_pa_s2_m2.unwrap_or(0.0)),
+        match (self.cloth, self.cfm_per_ft2, self.points) {
+            (Some(Cloth::MilC7020Type3), ..) => (254.0, 37.6),
+            (Some(Cloth::MilC44378), ..) => (8170.0, 0.0),
+            (_, Some(cfm), _) => (self.pressure_of_cfm() / (cfm * CFM_PER_FT2), 0.0),
+            (_, _, Some(points)) => through(points),
+            _ => (self.viscous_pa_s_m.unwrap_or(0.0), self.inertial_pa_s2_m2.unwrap_or(0.0)),
         }
     }
+
+    /// Pressure jump at which `cfm_per_ft2` was measured, Pa.
+    fn pressure_of_cfm(&self) -> f64 {
+        self.at_pressure_pa.unwrap_or(HALF_INCH_OF_WATER)
+    }
+
+    /// The ways in which it is given, as the keys of the scene.
+    fn ways(&self) -> Vec<&'static str> {
+        let coefficients = self.viscous_pa_s_m.is_some() || self.inertial_pa_s2_m2.is_some();
+        [
+            (self.cloth.is_some(), "cloth"),
+            (coefficients, "viscous_pa_s_m and inertial_pa_s2_m2"),
+            (self.cfm_per_ft2.is_some(), "cfm_per_ft2"),
+            (self.points.is_some(), "points"),
+        ]
+        .into_iter()
+        .filter_map(|(given, key)| given.then_some(key))
+        .collect()
+    }
+}
+
+/// Coefficients `a` (Pa s/m) and `b` (Pa s2/m2) of the curve `a v + b v^2` through two points of pressure and velocity.
+fn through([[p, v], [q, w]]: [[f64; 2]; 2]) -> (f64, f64) {
+    let b = (q / w - p / v) / (w - v);
+    (p / v - b * v, b)
 }
 
 /// Contact of the fabric with itself: nodes keep a distance from faces that they are not part
@@ -148,11 +196,14 @@ impl Fabric {
     /// What a scene without the section `[fabric]` has.
     pub(crate) fn absent() -> Self {
         Self {
+            material: None,
             law: Law::default(),
             youngs_modulus_pa: 0.0,
             poisson_ratio: 0.0,
             thickness_m: 0.0,
             density_kg_m3: 0.0,
+            strength_n_m: None,
+            safety_factor: None,
             wrinkling: false,
             prestress_pa: 0.0,
             orthotropic: None,
@@ -175,7 +226,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             c.refuse(
                 "fabric",
                 "the canopy has no material: the section [fabric] is missing",
-                "add [fabric] with youngs_modulus_pa, poisson_ratio, thickness_m and density_kg_m3",
+                "add [fabric] with a `material` of the library, or with youngs_modulus_pa, poisson_ratio, thickness_m and density_kg_m3",
             );
         }
         return;
@@ -200,6 +251,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         0.0..=0.5 * f.softest_modulus_pa(),
         "at most half the modulus",
     );
+    strength(f, c);
     if f.law == Law::NeoHookean {
         neo_hookean(f, c);
     }
@@ -211,6 +263,31 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     if let Some(k) = &f.contact {
         contact(k, c);
+    }
+}
+
+fn strength(f: &Fabric, c: &mut Check) {
+    if let Some(strength) = f.strength_n_m {
+        let why = "a breaking force for each width in N/m: 1 lb/in is 175 N/m";
+        c.positive("fabric.strength_n_m", strength, 1e7, why);
+    }
+    safety_factor("fabric", f.safety_factor, f.strength_n_m.is_some(), "strength_n_m", c);
+}
+
+/// Refuses a safety factor below 1 and one without the strength `key` in the same `section`.
+pub(super) fn safety_factor(
+    section: &str,
+    factor: Option<f64>,
+    has_strength: bool,
+    key: &str,
+    c: &mut Check,
+) {
+    let Some(factor) = factor else { return };
+    let path = format!("{section}.safety_factor");
+    c.range(&path, factor, 1.0..=100.0, "strength over largest load: parachutes have 1.5 to 3");
+    if !has_strength {
+        let help = format!("add `{section}.{key}`, or remove it");
+        c.refuse(&path, "a safety factor without a strength has no meaning", help);
     }
 }
 
@@ -261,22 +338,25 @@ fn orthotropic(o: &Orthotropic, f: &Fabric, c: &mut Check) {
 
 fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
     let at = "fabric.permeability";
-    let given = p.viscous_pa_s_m.is_some() || p.inertial_pa_s2_m2.is_some();
-    if given == p.cloth.is_some() {
+    let ways = p.ways();
+    if ways.len() != 1 {
+        let kinds = ["no", "one", "two kinds of", "three kinds of", "four kinds of"][ways.len()];
+        let given = if ways.is_empty() { String::new() } else { format!(": {}", ways.join(", ")) };
         c.refuse(
             at,
-            format!("the fabric has {} permeability", if given { "two kinds of" } else { "no" }),
-            "give either `cloth` or `viscous_pa_s_m` and `inertial_pa_s2_m2`",
+            format!("the fabric has {kinds} permeability{given}"),
+            "give one of `cloth`, `viscous_pa_s_m` with `inertial_pa_s2_m2`, `cfm_per_ft2`, `points`",
         );
     }
+    measured(p, c);
     let (a, b) = p.coefficients();
-    for (key, value) in [("viscous_pa_s_m", a), ("inertial_pa_s2_m2", b)] {
+    for (key, value) in [("viscous_pa_s_m", p.viscous_pa_s_m), ("inertial_pa_s2_m2", p.inertial_pa_s2_m2)] {
         // Infinity is an airtight fabric.
-        if value.is_nan() || value < 0.0 {
+        if let Some(value) = value.filter(|v| v.is_nan() || *v < 0.0) {
             c.refuse(&format!("{at}.{key}"), format!("`{key}` is {value}"), "0 or more");
         }
     }
-    if given && a == 0.0 && b == 0.0 {
+    if ways.len() == 1 && a == 0.0 && b == 0.0 {
         c.refuse(at, "a fabric without resistance is no fabric", "one coefficient must be above 0");
     }
     if scene.flow.is_none() {
@@ -284,6 +364,45 @@ fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
             at,
             "air passes the fabric, but the scene has no flow",
             "remove it, or add a [flow] section: a pre-inflation knows its pressure without air",
+        );
+    }
+}
+
+/// Refuses measured values that no fabric has.
+fn measured(p: &Permeability, c: &mut Check) {
+    let at = "fabric.permeability";
+    if let Some(cfm) = p.cfm_per_ft2 {
+        let why = "cubic feet a minute through a square foot; an airtight cloth has no [fabric.permeability]";
+        c.positive(&format!("{at}.cfm_per_ft2"), cfm, 5000.0, why);
+    }
+    if let Some(pressure) = p.at_pressure_pa {
+        let path = format!("{at}.at_pressure_pa");
+        c.positive(&path, pressure, 1e5, "a pressure jump in Pa: half an inch of water is 124.5 Pa");
+        if p.cfm_per_ft2.is_none() {
+            c.refuse(
+                &path,
+                "a pressure without the air that passes at it",
+                "add `cfm_per_ft2`, or remove it",
+            );
+        }
+    }
+    let Some(points) = p.points else { return };
+    let path = format!("{at}.points");
+    if points.as_flattened().iter().any(|x| !(*x > 0.0 && x.is_finite())) || points[0][1] == points[1][1] {
+        c.refuse(
+            &path,
+            format!("two points {points:?} that do not determine a curve"),
+            "give two pairs of pressure (Pa) and velocity (m/s), all above 0, at different velocities",
+        );
+        return;
+    }
+    let (a, b) = through(points);
+    if a < 0.0 || b < 0.0 {
+        c.refuse(
+            &path,
+            format!("through the points {points:?} pass a = {a:.4e} Pa s/m and b = {b:.4e} Pa s2/m2"),
+            "no coefficient may be below 0: the pressure grows at least as the velocity and at most as its square; check the order [pressure_pa, \
+             velocity_m_s], or give one point as `cfm_per_ft2`",
         );
     }
 }

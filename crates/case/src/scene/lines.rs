@@ -3,19 +3,28 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::Scene;
+use super::fabric::safety_factor;
 use crate::check::Check;
+use crate::materials::required_without_material;
+use crate::{LineMaterial, Scene};
 
 /// Material of lines and risers.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = required_without_material)]
 pub struct Lines {
+    /// Line of the library: it gives the keys of this table that the scene leaves out. Absent: the scene gives them all.
+    pub material: Option<LineMaterial>,
     /// Young's modulus ("cable stiffness"), Pa.
     pub youngs_modulus_pa: f64,
     /// Cross-sectional area, m2.
     pub area_m2: f64,
     /// Density, kg/m3.
     pub density_kg_m3: f64,
+    /// Breaking force of a line, N. Absent: no safety factor.
+    pub strength_n: Option<f64>,
+    /// Safety factor that lines should have: strength over largest tension. Absent: 1.
+    pub safety_factor: Option<f64>,
     /// A line that is shorter than its rest length carries nothing.
     #[serde(default = "yes")]
     pub tension_only: bool,
@@ -58,12 +67,19 @@ impl Scene {
     }
 }
 
+/// What the strength of a line is.
+pub(super) const STRENGTH: &str = "a breaking force in N: 1 lb is 4.45 N";
+
 /// Refuses invalid materials, and drag without air.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(l) = &scene.lines else { return };
     c.positive("lines.youngs_modulus_pa", l.youngs_modulus_pa, 1e13, "a modulus in Pa");
     c.positive("lines.area_m2", l.area_m2, 0.1, "a cross-section in m2: is the value in square metres?");
     c.positive("lines.density_kg_m3", l.density_kg_m3, 30_000.0, "a density in kg/m3");
+    if let Some(strength) = l.strength_n {
+        c.positive("lines.strength_n", strength, 1e8, STRENGTH);
+    }
+    safety_factor("lines", l.safety_factor, l.strength_n.is_some(), "strength_n", c);
     let most = 0.5 * l.youngs_modulus_pa;
     c.range("lines.prestress_pa", l.prestress_pa, -most..=most, "at most half the modulus");
     if let Some(d) = &l.drag {

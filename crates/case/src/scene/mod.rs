@@ -202,7 +202,7 @@ pub fn load(file: &Path) -> Result<Scene, SceneError> {
 /// ```
 pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     let error = |problems| SceneError::new(file, text, problems);
-    let document = DeTable::parse(text).map_err(|e| {
+    let mut document = DeTable::parse(text).map_err(|e| {
         error(vec![Problem::new(
             e.span(),
             format!("not TOML: {}", e.message().trim_end()),
@@ -213,7 +213,8 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
     if !problems.is_empty() {
         return Err(error(problems));
     }
-    let mut scene: Scene = toml::from_str(text).map_err(|e| {
+    crate::materials::fill(document.get_mut());
+    let mut scene = Scene::deserialize(toml::de::Deserializer::from(document.clone())).map_err(|e| {
         error(vec![Problem::new(
             e.span(),
             e.message().trim_end(),

@@ -12,6 +12,7 @@ use toml::de::{DeTable, DeValue};
 
 use crate::Scene;
 use crate::error::{Problem, nearest};
+use crate::materials::needed;
 use crate::renamed::{current_key, current_value};
 
 /// JSON schema (draft 2020-12) of a scene file, for editors.
@@ -36,6 +37,8 @@ struct Walk<'s> {
 struct Shape<'s> {
     properties: Vec<(&'s str, &'s Value)>,
     required: Vec<&'s str>,
+    /// Required where the table has no `material`.
+    needed: Vec<&'s str>,
     open: Option<&'s Value>,
 }
 
@@ -66,7 +69,8 @@ impl<'s> Walk<'s> {
     }
 
     fn shape(&self, schema: &'s Value) -> Shape<'s> {
-        let mut shape = Shape { properties: Vec::new(), required: Vec::new(), open: None };
+        let mut shape =
+            Shape { properties: Vec::new(), required: Vec::new(), needed: Vec::new(), open: None };
         let mut parts = vec![schema];
         if let Some(path) = schema.get("$ref").and_then(Value::as_str)
             && let Some(target) = self.root.pointer(path.trim_start_matches('#'))
@@ -80,6 +84,7 @@ impl<'s> Walk<'s> {
             if let Some(list) = part.get("required").and_then(Value::as_array) {
                 shape.required.extend(list.iter().filter_map(Value::as_str));
             }
+            shape.needed.extend(needed(part));
             shape.open = shape.open.or(part.get("additionalProperties").filter(|a| a.is_object()));
         }
         shape
@@ -130,7 +135,9 @@ impl<'s> Walk<'s> {
                 }
             }
         }
-        for name in shape.required {
+        let has_material = table.contains_key("material");
+        let needed = shape.needed.iter().filter(|_| !has_material);
+        for &name in shape.required.iter().chain(needed) {
             // A slip of the pen is one problem, not two.
             let is_set = table.keys().any(|k| current_key(path, k.get_ref()) == name);
             if !is_set && !meant.contains(&name) {

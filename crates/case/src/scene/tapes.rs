@@ -4,8 +4,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::Canopy;
-use crate::Scene;
+use super::fabric::safety_factor;
+use super::lines::STRENGTH;
 use crate::check::Check;
+use crate::materials::required_without_material;
+use crate::{LineMaterial, Scene};
 
 /// Tapes sewn on the fabric, by place. A place without a table has none. A tape is a line of cable elements on canopy nodes, at its
 /// rest length in the cut shape, without prestress; its force is linear between Green strain and second Piola-Kirchhoff stress, as
@@ -59,13 +62,21 @@ pub struct TapeGrid {
 }
 
 /// Section of the risers.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = required_without_material)]
 pub struct Risers {
+    /// Line of the library that a riser consists of: it gives the keys of this table that the scene leaves out. Absent: the scene gives
+    /// them all.
+    pub material: Option<LineMaterial>,
     /// Axial stiffness EA: force for a strain of 1, N.
     pub axial_stiffness_n: f64,
     /// Mass for each metre, kg/m.
     pub mass_kg_m: f64,
+    /// Breaking force of a riser, N. Absent: no safety factor.
+    pub strength_n: Option<f64>,
+    /// Safety factor that risers should have: strength over largest tension. Absent: 1.
+    pub safety_factor: Option<f64>,
 }
 
 /// Where a tape is sewn.
@@ -141,6 +152,10 @@ fn section(path: &str, axial_stiffness_n: f64, mass_kg_m: f64, c: &mut Check) {
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(r) = &scene.risers {
         section("risers", r.axial_stiffness_n, r.mass_kg_m, c);
+        if let Some(strength) = r.strength_n {
+            c.positive("risers.strength_n", strength, 1e8, STRENGTH);
+        }
+        safety_factor("risers", r.safety_factor, r.strength_n.is_some(), "strength_n", c);
         risers(scene, c);
     }
     let Some(t) = &scene.tapes else { return };
