@@ -32,7 +32,9 @@ fn page() -> String {
         (largest force over the steady drag at the same speed, infinite mass) and filling constants (filling time times speed over nominal diameter, unreefed) are those of Knacke, \
         Parachute Recovery Systems Design Manual (1991), tables 5-1 to 5-6, quoted from memory: the tables were not opened. S0 is the nominal area of all fabric and openings. A \
         geometric porosity is that of slots which no grid resolves and which the scene represents by a cloth. What Ripstop computes for these types: \
-        [validation](../records/validation.md).";
+        [validation](../records/validation.md).\n\n\
+        ![Eight canopies of gores and a cross, inflated by a uniform pressure, coloured by the major stress](../pictures/canopy-types.png)\n\n\
+        *Scenes of `ripstop new TYPE --wind-tunnel` after their first stage: at rest under the dynamic pressure of 6 m/s, drawn by `ripstop picture`.*";
     head("Canopy types", text) + "\n" + &table(&columns, &rows)
 }
 

@@ -94,6 +94,8 @@ pub(super) struct StageData {
     pub(super) index: usize,
     /// History.
     pub(super) columns: Columns,
+    /// Displacement of points of the canopy; no column without them.
+    pub(super) points: Columns,
     /// Its entry in `summary.json`.
     pub(super) summary: Option<Value>,
 }
@@ -142,7 +144,8 @@ impl Run {
             let of_stage =
                 |list: &Value| list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned();
             let entry = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
-            stages.push(StageData { index, columns, summary: entry });
+            let points = read_history(&path.with_file_name("points.csv"), &mut missing)?;
+            stages.push(StageData { index, columns, points, summary: entry });
         }
         if stages.is_empty() {
             return Err(RunError::Input(format!(

@@ -7,7 +7,7 @@ use results::settled::QUANTITIES;
 
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
-use super::data::{Run, StageData};
+use super::data::{Columns, Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
@@ -48,6 +48,7 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
             _ => omit_transient(chart),
         }
     }
+    found.extend(points(&stage.points, &id));
     if let Some(frames) = frames {
         found.extend(from_snapshots(&frames.measures, &id));
     }
@@ -125,6 +126,31 @@ fn omit_transient(chart: &mut Chart) {
 }
 
 /// Curves of the quantities measured on the snapshots.
+/// A chart for each direction in which a point of `[[output.point]]` moves.
+fn points(columns: &Columns, id: &str) -> Vec<Chart> {
+    let Some(time) = columns.get("time_s") else { return Vec::new() };
+    let along = |axis: &str| -> Option<Chart> {
+        let end = format!("_{axis}_m");
+        let moves = |name: &str| columns.get(name).is_some_and(|v| v.iter().any(|x| x.abs() > 1e-9));
+        let names: Vec<&str> =
+            columns.starting("").into_iter().filter(|n| n.ends_with(&end) && moves(n)).collect();
+        let series = names.iter().filter_map(|name| {
+            let values = time.iter().copied().zip(columns.get(name)?.iter().copied()).collect();
+            Some(Series { label: name.trim_end_matches(&end).into(), points: values })
+        });
+        (!names.is_empty()).then(|| Chart {
+            id: format!("{id}-points-{axis}"),
+            title: format!("Displacement of points along {axis}"),
+            unit: "m",
+            note: "Nodes of the canopy nearest to the points of the scene, from their places in the unstressed shape."
+                .into(),
+            series: series.collect(),
+            ..Chart::default()
+        })
+    };
+    ["x", "y", "z"].into_iter().filter_map(along).collect()
+}
+
 fn from_snapshots(measures: &[Measure], id: &str) -> Vec<Chart> {
     let curve = |label: &str, of: &dyn Fn(&Measure) -> f64| Series {
         label: label.into(),
