@@ -297,10 +297,7 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::New(args) => {
-            print(&crate::new_command::new_scene(&args)?);
-            Ok(())
-        }
+        Command::New(args) => printed(crate::new_command::new_scene(&args)),
         Command::Run(RunCommand { run, only }) => run_scene(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };
@@ -340,26 +337,19 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             }
             Ok(())
         }
-        Command::Mesh(args) => {
-            print(&crate::mesh_command::json(&args)?);
-            Ok(())
-        }
-        Command::Schema => {
-            print(&serde_json::to_string_pretty(&case::schema()).unwrap_or_default());
-            Ok(())
-        }
-        Command::Completions { shell } => {
-            print(&crate::shell_help::completions(shell));
-            Ok(())
-        }
+        Command::Mesh(args) => printed(crate::mesh_command::json(&args)),
+        Command::Schema => printed(Ok(serde_json::to_string_pretty(&case::schema()).unwrap_or_default())),
+        Command::Completions { shell } => printed(Ok(crate::shell_help::completions(shell))),
         Command::Man { folder } => crate::shell_help::write_manual_pages(&folder),
         Command::Picture(args) => figures::picture::picture(&args, console),
         Command::Report(args) => report::report(&args, console),
-        Command::Statistics(args) => {
-            print(&crate::statistics_command::statistics(&args)?);
-            Ok(())
-        }
+        Command::Statistics(args) => printed(crate::statistics_command::statistics(&args)),
     }
+}
+
+/// Prints the text of a command.
+fn printed(text: Result<String, RunError>) -> Result<(), RunError> {
+    text.map(|text| print(&text))
 }
 
 fn run_scene(

@@ -276,7 +276,7 @@ impl Setup {
     /// More ranks than cells.
     pub fn topology(&self, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
         let cloth = self.scene.fabric.permeability.as_ref().map(|p| {
-            let (a, b) = p.coefficients();
+            let (a, b) = p.coefficients(self.scene.flow.as_ref().map_or(0.0, |air| air.density_kg_m3));
             Permeability::new(a, b)
         });
         partitioned(&self.grid, &self.faces, comm, viscous, cloth)

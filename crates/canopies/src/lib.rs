@@ -162,29 +162,9 @@ pub fn nominal_area(diameter: f64) -> f64 {
     0.25 * PI * diameter * diameter
 }
 
-/// Inertial coefficient b (Pa s2/m2) of a cloth with the pressure loss of sharp-edged openings of the share $`\lambda`$ (geometric porosity) in air of density
-/// $`\rho`$ (kg/m3): $`\Delta p = b\, w^2`$ for the velocity w upstream, with Idelchik's loss coefficient of a thin perforated plate,
-/// ```math
-/// b = \tfrac12 \rho\, \frac{\left(0.707 \sqrt{1 - \lambda} + 1 - \lambda\right)^2}{\lambda^2}
-/// ```
-/// (Handbook of Hydraulic Resistance, diagram 8-1; quoted from memory).
-pub fn inertial_coefficient(porosity: f64, density: f64) -> f64 {
-    let solid = 1.0 - porosity;
-    0.5 * density * ((0.707 * solid.sqrt() + solid) / porosity).powi(2)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The loss falls with the porosity, vanishes for no plate, and has the value of a worked example: 20 % open, sea level, 32 to 39 Pa at 1 m/s.
-    #[test]
-    fn pressure_loss_of_openings() {
-        let b = |porosity| inertial_coefficient(porosity, 1.225);
-        let by_hand = 0.6125 * (0.707 * 0.894_427_19 + 0.8_f64).powi(2) / 0.04;
-        assert!((b(0.2) / by_hand - 1.0).abs() < 1e-9, "{} {by_hand}", b(0.2));
-        assert!(b(0.1) > b(0.2) && b(0.2) > b(0.9) && b(1.0) == 0.0);
-    }
 
     #[test]
     fn names_are_distinct_and_figures_are_ranges() {

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 
-use crate::{CanopyType, inertial_coefficient, nominal_area};
+use crate::{CanopyType, nominal_area};
 
 /// Sizes of a scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -201,10 +201,11 @@ fn fabric(t: CanopyType, d: f64, folds: bool) -> String {
     let material = "\"pia-c7020-type1\"";
     text += &key("material", material, "nylon rip-stop of 37 g/m2 (docs/reference/materials.md)");
     if let Some(porosity) = t.geometric_porosity() {
-        let b = digits(inertial_coefficient(porosity, DENSITY));
-        text += &format!(
-            "\n[fabric.permeability]         # equivalent cloth of a geometric porosity of {porosity}: pressure jump b w^2\n\
-             viscous_pa_s_m = 0.0\ninertial_pa_s2_m2 = {b}\n"
+        text += "\n[fabric.permeability]\n";
+        text += &key(
+            "geometric_porosity",
+            porosity,
+            "slots that no grid resolves, as a cloth with their pressure loss",
         );
     }
     if folds {

@@ -173,22 +173,37 @@ fn permeability(keys: &str) -> Result<Permeability, String> {
 /// ASTM D737: 3 cfm/ft2 are 0.01524 m/s, at 124.5 Pa.
 #[test]
 fn air_at_one_pressure_gives_the_viscous_coefficient() {
-    let (a, b) = permeability("cfm_per_ft2 = 3.0").expect("a scene").coefficients();
+    let (a, b) = permeability("cfm_per_ft2 = 3.0").expect("a scene").coefficients(1.225);
     assert!(near(a, 124.5 / 0.01524, 1e-12) && b == 0.0, "{a} {b}");
     assert!(near(a, 8169.29, 1e-6));
     // 20 inches of water.
     let (a, _) =
-        permeability("cfm_per_ft2 = 400.0\nat_pressure_pa = 4982.0").expect("a scene").coefficients();
+        permeability("cfm_per_ft2 = 400.0\nat_pressure_pa = 4982.0").expect("a scene").coefficients(1.225);
     assert!(near(a, 4982.0 / 2.032, 1e-12), "{a}");
+}
+
+/// The worked example of 20 % openings at sea level: 32 Pa at 1 m/s. The loss is that of the air's density and falls with the porosity.
+#[test]
+fn geometric_porosity_is_a_pressure_loss() {
+    let open = |share: f64| permeability(&format!("geometric_porosity = {share}")).expect("a scene");
+    let by_hand = 0.6125 * (0.707 * 0.894_427_19 + 0.8_f64).powi(2) / 0.04;
+    let (a, b) = open(0.2).coefficients(1.225);
+    assert!(a == 0.0 && (b / by_hand - 1.0).abs() < 1e-8, "{b} {by_hand}");
+    assert!((open(0.2).coefficients(2.45).1 / b - 2.0).abs() < 1e-12);
+    assert!(open(0.1).coefficients(1.225).1 > b && open(0.5).coefficients(1.225).1 < b);
+    let error = permeability("geometric_porosity = 20.0").expect_err("a percentage");
+    assert!(error.contains("the share of openings"), "{error}");
+    let two = permeability("geometric_porosity = 0.2\ncfm_per_ft2 = 100.0").expect_err("two ways");
+    assert!(two.contains("two kinds of permeability: cfm_per_ft2, geometric_porosity"), "{two}");
 }
 
 #[test]
 fn two_points_give_both_coefficients() {
     // By a = 254 and b = 37.6: 65.85 Pa at 0.25 m/s, 658.4 Pa at 2 m/s.
     let points = |text: &str| permeability(&format!("points = {text}"));
-    let (a, b) = points("[[65.85, 0.25], [658.4, 2.0]]").expect("a scene").coefficients();
+    let (a, b) = points("[[65.85, 0.25], [658.4, 2.0]]").expect("a scene").coefficients(1.225);
     assert!(near(a, 254.0, 1e-9) && near(b, 37.6, 1e-9), "{a} {b}");
-    let (c, d) = points("[[658.4, 2.0], [65.85, 0.25]]").expect("a scene").coefficients();
+    let (c, d) = points("[[658.4, 2.0], [65.85, 0.25]]").expect("a scene").coefficients(1.225);
     assert!(near(c, a, 1e-12) && near(d, b, 1e-12));
     // 100 Pa at 1 m/s, 150 at 2: b = (75 - 100) / 1, a = 125. 100 at 1, 500 at 2: b = 150, a = -50.
     let error = points("[[100, 1], [150, 2]]").expect_err("b below 0");

@@ -60,13 +60,10 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
              least a quarter of the variance.")));
         blocks.push(Block::Table(table));
     }
-    if let Some(table) = opening_loads::table(run, stage) {
-        blocks.push(Block::Text(opening_loads::OPENING.into()));
-        blocks.push(Block::Table(table));
-    }
-    if let Some(table) = wake_table(stage) {
-        blocks.push(Block::Text(WAKE.into()));
-        blocks.push(Block::Table(table));
+    for (text, table) in
+        [(opening_loads::OPENING, opening_loads::table(run, stage)), (WAKE, wake_table(stage))]
+    {
+        blocks.extend(table.into_iter().flat_map(|table| [Block::Text(text.into()), Block::Table(table)]));
     }
     if let Some(bars) = frames.and_then(|f| line_bars(f, &id)) {
         blocks.push(Block::Bars(bars));

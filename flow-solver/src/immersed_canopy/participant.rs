@@ -195,7 +195,7 @@ impl ImmersedParticipant {
         let stream = Vector3::from(wind.at(0.0)) - begin.frame;
         let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
         let cloth = scene.fabric.permeability.as_ref().map(|p| {
-            let (a, b) = p.coefficients();
+            let (a, b) = p.coefficients(air.density_kg_m3);
             Permeability::new(a, b)
         });
         let mut flow = Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?;

@@ -88,6 +88,20 @@ pub struct Permeability {
     pub at_pressure_pa: Option<f64>,
     /// Two measured points, each a pressure jump (Pa) and a velocity (m/s): both coefficients.
     pub points: Option<[[f64; 2]; 2]>,
+    /// Share of openings in the area, such as the slots of a ribbon or ringslot canopy, that the flow grid does not resolve: a cloth with the pressure loss of
+    /// sharp-edged openings. a = 0.
+    pub geometric_porosity: Option<f64>,
+}
+
+/// Inertial coefficient b (Pa s2/m2) of a cloth with the pressure loss of sharp-edged openings of the share $`\lambda`$ in air of density $`\rho`$ (kg/m3):
+/// $`\Delta p = b\, w^2`$ for the velocity w upstream, with the loss coefficient of a thin perforated plate,
+/// ```math
+/// b = \tfrac12 \rho\, \frac{\left(0.707 \sqrt{1 - \lambda} + 1 - \lambda\right)^2}{\lambda^2}
+/// ```
+/// (Idelchik, Handbook of Hydraulic Resistance, diagram 8-1; quoted from memory).
+fn loss_of_openings(porosity: f64, density: f64) -> f64 {
+    let solid = 1.0 - porosity;
+    0.5 * density * ((0.707 * solid.sqrt() + solid) / porosity).powi(2)
 }
 
 /// Velocity of a cubic foot a minute through a square foot, m/s.
@@ -123,8 +137,11 @@ impl Cloth {
 }
 
 impl Permeability {
-    /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients; default 0.
-    pub fn coefficients(&self) -> (f64, f64) {
+    /// Viscous (Pa s/m) and inertial (Pa s2/m2) coefficients in air of `density` (kg/m3), on which only those of a geometric porosity depend; default 0.
+    pub fn coefficients(&self, density: f64) -> (f64, f64) {
+        if let Some(porosity) = self.geometric_porosity {
+            return (0.0, loss_of_openings(porosity, density));
+        }
         match (self.cloth, self.cfm_per_ft2, self.points) {
             (Some(Cloth::MilC7020Type3), ..) => (254.0, 37.6),
             (Some(Cloth::MilC44378), ..) => (8170.0, 0.0),
@@ -147,6 +164,7 @@ impl Permeability {
             (coefficients, "viscous_pa_s_m and inertial_pa_s2_m2"),
             (self.cfm_per_ft2.is_some(), "cfm_per_ft2"),
             (self.points.is_some(), "points"),
+            (self.geometric_porosity.is_some(), "geometric_porosity"),
         ]
         .into_iter()
         .filter_map(|(given, key)| given.then_some(key))
@@ -340,16 +358,17 @@ fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
     let at = "fabric.permeability";
     let ways = p.ways();
     if ways.len() != 1 {
-        let kinds = ["no", "one", "two kinds of", "three kinds of", "four kinds of"][ways.len()];
+        let kinds =
+            ["no", "one", "two kinds of", "three kinds of", "four kinds of", "five kinds of"][ways.len()];
         let given = if ways.is_empty() { String::new() } else { format!(": {}", ways.join(", ")) };
         c.refuse(
             at,
             format!("the fabric has {kinds} permeability{given}"),
-            "give one of `cloth`, `viscous_pa_s_m` with `inertial_pa_s2_m2`, `cfm_per_ft2`, `points`",
+            "give one of `cloth`, `viscous_pa_s_m` with `inertial_pa_s2_m2`, `cfm_per_ft2`, `points`, `geometric_porosity`",
         );
     }
     measured(p, c);
-    let (a, b) = p.coefficients();
+    let (a, b) = p.coefficients(scene.flow.as_ref().map_or(1.0, |f| f.density_kg_m3));
     for (key, value) in [("viscous_pa_s_m", p.viscous_pa_s_m), ("inertial_pa_s2_m2", p.inertial_pa_s2_m2)] {
         // Infinity is an airtight fabric.
         if let Some(value) = value.filter(|v| v.is_nan() || *v < 0.0) {
@@ -385,6 +404,11 @@ fn measured(p: &Permeability, c: &mut Check) {
                 "add `cfm_per_ft2`, or remove it",
             );
         }
+    }
+    if let Some(porosity) = p.geometric_porosity {
+        let what =
+            "the share of openings in the area: a ribbon canopy has 0.15 to 0.35, a ringslot 0.1 to 0.2";
+        c.range(&format!("{at}.geometric_porosity"), porosity, 1e-3..=0.9, what);
     }
     let Some(points) = p.points else { return };
     let path = format!("{at}.points");

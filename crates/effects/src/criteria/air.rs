@@ -23,7 +23,7 @@ pub fn permeability(s: &Scope<'_>) -> Assessment {
         return Assessment::not(why);
     }
     let share = |p: &Permeability| {
-        let (a, b) = p.coefficients();
+        let (a, b) = p.coefficients(s.n.density);
         s.n.leakage(a, b) / s.n.speed
     };
     let named = |c: Cloth| Permeability { cloth: Some(c), ..Permeability::default() };
