@@ -359,14 +359,16 @@ impl<'c, 'p> StageRun<'c, 'p> {
     /// The wake at the end of a window of length `dt` (s); `None` where it is not assessed.
     fn wake(&self, dt: f64, report: &WindowReport) -> Option<Sample> {
         let (context, stage) = (self.context, self.context.description());
-        let falls =
-            context.scene.descent.is_some() && stage.kind.roles().contains(&Role::Flow) && stage.in_time();
-        let enclosed = matches!(context.scene.canopy, Canopy::Panel(_) | Canopy::AirBag(_) | Canopy::None);
-        if !falls || enclosed || self.watched() != WatchedForce::Canopy {
+        let scene = context.scene;
+        let flows = stage.kind.roles().contains(&Role::Flow) && stage.in_time();
+        // A grid of one's own may have walls next to the canopy.
+        let open = scene.descent.is_some() || scene.grid_file().is_none();
+        let enclosed = matches!(scene.canopy, Canopy::Panel(_) | Canopy::AirBag(_) | Canopy::None);
+        if !flows || !open || enclosed || self.watched() != WatchedForce::Canopy {
             return None;
         }
         let state = self.stepper.state();
-        let wind = context.scene.wind(context.stage, &context.times());
+        let wind = scene.wind(context.stage, &context.times());
         let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), state.velocity);
         let speed = air.iter().map(|v| v * v).sum::<f64>().sqrt();
         let across = wake::diameter(context.interface.projected_area(&state.displacement));
@@ -378,6 +380,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             side_n: [report.force[0], report.force[1]],
             pendulum_deg: context.interface.pendulum_angle(&state.displacement).map(f64::to_degrees),
             diameters: before + passed,
+            speed_m_s: speed,
         })
     }
 

@@ -200,7 +200,7 @@ fn summary() -> RunSummary {
     let (area, force) = ("projected_area_m2".into(), "riser_force_n".into());
     let opens: Vec<(String, Vec<f64>)> = vec![
         ("time_s".into(), vec![1.0, 2.0, 3.0]),
-        ("stream_diameters".into(), vec![1.0, 2.0, 3.0]),
+        ("stream_speed_m_s".into(), vec![1.0, 2.0, 3.0]),
         (area, vec![1.0, 2.0, 3.0]),
         (force, vec![1.0, 2.0, 3.0]),
     ];

@@ -42,7 +42,11 @@ pub const HISTORY: &[Column] = &[
         "stream_diameters",
         "Diameters of stream that have passed the canopy since the start of the stage: integral of U/D, with the speed U of the \
          undisturbed air relative to the frame and the diameter D of a circle of the projected area. Empty where the wake is not \
-         assessed: without a canopy that falls, in a box, and in a steady stage.",
+         assessed: without a canopy in a stream, in a box or a grid of one's own without a descent, and in a steady stage.",
+    ),
+    column(
+        "stream_speed_m_s",
+        "Speed U of the undisturbed air relative to the frame. Empty where the wake is not assessed.",
     ),
     column("coupling_iterations", "Coupling iterations of the window."),
     column(

@@ -197,7 +197,7 @@ pub fn names(kind: StageKind) -> Vec<&'static str> {
     cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
 }
 
-fn descent_cells(row: &Row) -> [(&'static str, Cell); 8] {
+fn descent_cells(row: &Row) -> [(&'static str, Cell); 9] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
     [
@@ -209,6 +209,7 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 8] {
         ("force_y_n", Number(force[1])),
         ("pendulum_angle_deg", row.wake.and_then(|w| w.pendulum_deg).map_or(Nothing, Number)),
         ("stream_diameters", row.wake.map_or(Nothing, |w| Number(w.diameters))),
+        ("stream_speed_m_s", row.wake.map_or(Nothing, |w| Number(w.speed_m_s))),
     ]
 }
 

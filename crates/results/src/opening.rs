@@ -6,8 +6,6 @@
 //! - **Largest force** F of the risers, over the dynamic pressure at line stretch and the nominal area: $`F / (q_s S_0)`$. Divided by the drag coefficient of the
 //!   open canopy on $`S_0`$ it is the opening force coefficient $`C_X X_1`$.
 
-use std::f64::consts::PI;
-
 use coupling::interface::CanopyInterface;
 use serde::{Deserialize, Serialize};
 
@@ -100,7 +98,7 @@ impl Opening {
             return None;
         }
         let start = force.iter().position(|f| *f >= STRETCHED * most)?;
-        let speed = stream_speed(get("stream_diameters")?, time, area, start)?;
+        let speed = *get("stream_speed_m_s")?.get(start).filter(|v| **v > 0.0)?;
         let full = first_opening(time, area, start, FULL * widest);
         let filling = full.map(|k| time[k] - time[start]);
         let dynamic = 0.5 * reference.density_kg_m3 * speed * speed;
@@ -141,20 +139,10 @@ impl Opening {
 /// Mean drag over mean dynamic pressure in the last half of the windows of a history, the drag area $`C_D S`$, m2; `None` without a stream.
 pub fn drag_area(columns: &[(String, Vec<f64>)], density: f64) -> Option<f64> {
     let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| &values[..]);
-    let (time, area, drag) = (get("time_s")?, get("projected_area_m2")?, get("drag_n")?);
-    let diameters = get("stream_diameters")?;
-    let late = time.len() / 2..time.len();
-    let speeds: Option<Vec<f64>> = late.clone().map(|k| stream_speed(diameters, time, area, k)).collect();
-    let pressure: f64 = speeds?.iter().map(|v| 0.5 * density * v * v).sum();
+    let (drag, speed) = (get("drag_n")?, get("stream_speed_m_s")?);
+    let late = drag.len() / 2..drag.len();
+    let pressure: f64 = speed[late.clone()].iter().map(|v| 0.5 * density * v * v).sum();
     (pressure > 0.0).then(|| drag[late].iter().sum::<f64>() / pressure)
-}
-
-/// Speed of the undisturbed air in window `k`, m/s: diameters of stream times the diameter of the projected area, over the length of the window.
-fn stream_speed(diameters: &[f64], time: &[f64], area: &[f64], k: usize) -> Option<f64> {
-    let before = |values: &[f64]| k.checked_sub(1).map_or(0.0, |k| values[k]);
-    let (passed, dt) = (diameters[k] - before(diameters), time[k] - before(time));
-    let speed = passed * (4.0 / PI * area[k]).sqrt() / dt;
-    (speed.is_finite() && speed > 0.0).then_some(speed)
 }
 
 /// The first window from `start` on whose area is at least `least` and is not exceeded within a tenth of the time since `start`.
@@ -169,6 +157,8 @@ fn first_opening(time: &[f64], area: &[f64], start: usize, least: f64) -> Option
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     const REFERENCE: OpeningReference =
@@ -184,13 +174,8 @@ mod tests {
             2.0 + 30.0 * share * share - (1.0 - (6.0 * after).cos())
         };
         let force = |t: f64| if t < 0.1 { 0.0 } else { 500.0 + 9000.0 * (-((t - 0.8) / 0.2).powi(2)).exp() };
-        let mut passed = 0.0;
-        let stream = time.iter().map(|&t| {
-            passed += 20.0 * dt / diameter(area(t));
-            passed
-        });
         vec![
-            ("stream_diameters".into(), stream.collect()),
+            ("stream_speed_m_s".into(), vec![20.0; time.len()]),
             ("projected_area_m2".into(), time.iter().map(|&t| area(t)).collect()),
             ("riser_force_n".into(), time.iter().map(|&t| force(t)).collect()),
             ("time_s".into(), time),

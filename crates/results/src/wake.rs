@@ -39,6 +39,8 @@ pub struct Sample {
     pub pendulum_deg: Option<f64>,
     /// Diameters of stream since the start of the stage, the integral of U/D.
     pub diameters: f64,
+    /// Speed U of the undisturbed air relative to the frame, m/s.
+    pub speed_m_s: f64,
 }
 
 /// Statistics of the wake over the last half of the windows of a stage, as those of the means.
@@ -156,6 +158,8 @@ impl Wake {
                 side_n: [x[k], y[k]],
                 pendulum_deg: angle.map(|a| a[k]).filter(|a| a.is_finite()),
                 diameters: diameters[k],
+                // Not needed for the statistics.
+                speed_m_s: 0.0,
             })
             .collect();
         Self::of(&samples)
@@ -233,6 +237,7 @@ mod tests {
                 side_n: [0.6 * a - 0.8 * b, 0.8 * a + 0.6 * b],
                 pendulum_deg: Some((3.0 * (0.4 * t).sin()).abs()),
                 diameters: 0.5 * t,
+                speed_m_s: 1.0,
             }
         };
         (1..=count).map(at).collect()
@@ -345,8 +350,14 @@ mod tests {
     fn no_wake_without_a_stream() {
         assert_eq!(Wake::of(&[]), None);
         assert_eq!(Wake::of(&[Sample { time_s: 1.0, ..Sample::default() }]), None);
-        let one =
-            Sample { time_s: 1.0, diameters: 0.5, drag_n: 10.0, side_n: [3.0, 4.0], pendulum_deg: None };
+        let one = Sample {
+            time_s: 1.0,
+            diameters: 0.5,
+            drag_n: 10.0,
+            side_n: [3.0, 4.0],
+            pendulum_deg: None,
+            speed_m_s: 1.0,
+        };
         let wake = Wake::of(&[one]).expect("a wake");
         assert_eq!((wake.side_force_rms_n, wake.pendulum_rms_deg, wake.strouhal), (5.0, None, None));
     }
