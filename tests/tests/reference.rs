@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use results::columns::{Column, FORCE_COEFFICIENTS, FORCES, ITERATIONS, PAYLOAD, PROBES, first_difference};
+use results::columns::{
+    Column, FORCE_COEFFICIENTS, FORCES, ITERATIONS, PAYLOAD, POINTS, PROBES, first_difference,
+};
 use results::files::{RECORDING, RUN, ResultFile, matches};
 use results::history;
 use ripstop_tests::{changed_scene, ripstop_run, succeed};
@@ -31,6 +33,9 @@ attachments_m = [[0.0, 0.0, 0.1]]
 [output]
 surface_every_windows = 1
 volume_every_windows = 1
+[[output.point]]
+name = \"middle\"
+at_m = [0.0, 0.0, 0.0]
 [flow.grid]
 ";
 
@@ -87,5 +92,6 @@ fn files_and_columns_of_a_run_are_those_of_the_reference() {
     compare_columns(ITERATIONS, &out, "descent/iterations.csv");
     compare_columns(&[FORCES, FORCE_COEFFICIENTS].concat(), &out, "descent/forces.csv");
     compare_columns(PROBES, &out, "descent/probes.csv");
+    compare_columns(POINTS, &out, "descent/points.csv");
     compare_columns(PAYLOAD, &out, "descent/payload.csv");
 }

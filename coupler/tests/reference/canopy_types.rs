@@ -12,7 +12,7 @@ fn page() -> String {
             h.map_or("-".into(), |h| format!("{:.2} to {:.2}", h.drag_coefficient[0], h.drag_coefficient[1]));
         vec![
             format!("`{}`", t.name()),
-            t.description().split_once(": ").map_or(t.description(), |(_, text)| text).to_owned(),
+            t.description().to_owned(),
             drag,
             number(h.and_then(|h| h.opening_force_coefficient)),
             number(h.and_then(|h| h.filling_constant)),

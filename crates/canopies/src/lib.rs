@@ -88,32 +88,32 @@ impl CanopyType {
     /// What it is, and what its scene simplifies.
     pub fn description(self) -> &'static str {
         match self {
-            CanopyType::FlatCircular => {
-                "flat circular: triangular gores in one plane, crown vent of 1 % of the area"
-            }
-            CanopyType::Conical => "conical: gores 20 degrees below the horizontal",
-            CanopyType::Hemispherical => "hemispherical: gores along a quarter of a circle",
+            CanopyType::FlatCircular => "triangular gores in one plane, crown vent of 1 % of the area",
+            CanopyType::Conical => "gores 20 degrees below the horizontal",
+            CanopyType::Hemispherical => "gores along a quarter of a circle",
             CanopyType::ExtendedSkirt => {
-                "extended skirt: a flat disk and a skirt of a tenth of its diameter that keeps the width of the gores"
+                "a flat disk and a skirt of a tenth of its diameter that keeps the width of the gores"
             }
             CanopyType::Annular => {
-                "annular: a flat ring whose opening has 40 % of the nominal diameter; its middle is not pulled down by lines"
+                "a flat ring whose opening has 40 % of the nominal diameter; its middle is not pulled down by lines"
             }
             CanopyType::Ringslot => {
-                "ringslot: slots narrower than a cell of the flow are a cloth with the pressure loss of the geometric porosity, 18 %"
+                "slots narrower than a cell of the flow are a cloth with the pressure loss of the geometric porosity, 18 %"
             }
             CanopyType::Ribbon => {
-                "conical ribbon: ribbons are a cloth with the pressure loss of the geometric porosity, 22 %"
+                "conical; ribbons are a cloth with the pressure loss of the geometric porosity, 22 %"
             }
             CanopyType::Ringsail => {
-                "ringsail: rings and sails along a quarter of a sphere; slots and fullness of the sails are a cloth with the pressure loss of the geometric porosity, 8 %"
+                "rings and sails along a quarter of a sphere; slots and fullness of the sails are a cloth with the pressure loss of the geometric porosity, 8 %"
             }
             CanopyType::DiskGapBand => {
-                "disk-gap-band: the proportions of the parachute of Tianwen-1 (disk 0.722, gap 0.043, band 0.122, vent 0.070, lines 1.70 nominal diameters)"
+                "the proportions of the parachute of Tianwen-1 (disk 0.722, gap 0.043, band 0.122, vent 0.070, lines 1.70 nominal diameters)"
             }
-            CanopyType::Cross => "cross: two flat panels, width over length 0.3, arms not stitched",
-            CanopyType::Square => "square: one flat sheet with lines along its rim",
-            CanopyType::Atps => "cross parachute of the ATPS: Table 2 of the paper, arms stitched at the hem",
+            CanopyType::Cross => "two flat panels, width over length 0.3, arms not stitched",
+            CanopyType::Square => "one flat sheet with lines along its rim",
+            CanopyType::Atps => {
+                "the cross parachute of the ATPS: Table 2 of the paper, arms stitched at the hem"
+            }
         }
     }
 

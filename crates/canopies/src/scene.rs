@@ -81,7 +81,7 @@ fn head(t: CanopyType, sizes: &SceneSizes) -> String {
         Experiment::Opening => "opens",
         Experiment::WindTunnel => "in a wind tunnel",
     };
-    let mut text = format!("# {}.\n", t.description());
+    let mut text = format!("# {}: {}.\n", t.name(), t.description());
     if let Some(h) = t.handbook() {
         let [low, high] = h.drag_coefficient;
         let _ = write!(
