@@ -210,7 +210,6 @@ fn fabric(t: CanopyType, d: f64, folds: bool) -> String {
     }
     if folds {
         text += &format!("\n[fabric.contact]\n{}", key("distance_m", digits(0.0024 * d), "layers keep it"));
-        text += "\n[fabric_gravity]\n";
     }
     text += "\n[lines]\n";
     text + &key("material", "\"pia-c5040-type3\"", "nylon cord of 550 lb") + "\n"
@@ -281,8 +280,32 @@ fn window(d: f64, v: f64) -> f64 {
     one_digit(0.12 * d / 30.0 / v)
 }
 
+/// Mass of fabric, tapes and lines over the nominal area, kg/m2: the 5 kg of a flat circular canopy of 8.53 m.
+const AREAL_MASS: f64 = 0.09;
+/// Damping of the structure while it is gathered, 1/s.
+const DAMPING: f64 = 5.0;
+/// Force that stretches the lines, as a share of dynamic pressure times nominal area: half of what the check `stages.force` accepts as small.
+const STRETCH: f64 = 0.005;
+
+/// Force on each node (N) that stretches the lines of a gathered canopy, and the time (s) in which its line is drawn in and it rises.
+fn gather(t: CanopyType, d: f64, v: f64) -> (f64, f64) {
+    let force = STRETCH * 0.5 * DENSITY * v * v * nominal_area(d);
+    let nodes = match t {
+        CanopyType::Cross => 7 * 7 + 4 * 7 * 8,
+        CanopyType::Square => 17 * 17,
+        CanopyType::Atps => 11 * 11 + 4 * 10 * 8,
+        _ => gores(d) * 2 * 12,
+    };
+    // The speed at which damping balances the force, and twice the way that lines have from a cone to the axis.
+    let speed = force / (DAMPING * AREAL_MASS * nominal_area(d));
+    // Whole windows.
+    let time = (10.0 * (1.5 + 0.3 * d / speed)).ceil() / 10.0;
+    (force / f64::from(nodes), time.clamp(2.0, 10.0))
+}
+
 /// Stages of an opening from a gathered skirt.
 fn opening(t: CanopyType, d: f64, v: f64) -> String {
+    let (force, gathering) = gather(t, d, v);
     let filling = t.handbook().and_then(|h| h.filling_constant).unwrap_or(8.0) * d / v;
     format!(
         "[[reefing]]
@@ -295,14 +318,14 @@ release_s = 0.0              # cut at the start of the opening; later: a reefed 
 name = \"gather\"
 kind = \"pre-inflation\"       # structure alone
 pressure_pa = 0.01           # the line, not the pressure, shapes the canopy
-duration_s = 2.0
+duration_s = {gathering}
 window_s = 5e-3
 substeps = 20
-mass_damping_per_s = 5.0
+mass_damping_per_s = {DAMPING:.1}
 
 [[stage.force]]              # stretches the lines
 nodes = \"canopy\"
-force_n = [0.0, 0.0, 0.1]
+force_n = [0.0, 0.0, {force}]
 
 [[stage]]
 name = \"stream\"
@@ -325,6 +348,8 @@ window_s = {descent_window}
 substeps = 20
 ",
         reefing = digits(0.15 * skirt(t, d)),
+        gathering = digits(gathering),
+        force = digits(force),
         stream = digits(one_digit(1.5 * d / v)),
         slow = plain(4.0 * window(d, v)),
         opening = digits((1.2 * filling).ceil()),

@@ -245,7 +245,7 @@ pub const CHECKS: &[Check] = &[
         what: "the structure's force on the payload agrees with the load of the air",
         estimate: "sum over windows of the air's impulse less that on the payload and the change of the structure's momentum, \
                    over the air's impulse",
-        range: "warning beyond 5 % after 20 windows",
+        range: "warning beyond 5 %, and beyond 1 % of the impulse of the weight, after 20 windows",
         source: "momentum of the structure; the two are means of one load over a window on slightly different shapes",
         severity: Warning,
         remedy: "check SUPPORT_FORCE and VERTICAL_MOMENTUM of a replaced structure, or shorten window_s",

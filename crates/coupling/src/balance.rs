@@ -24,6 +24,8 @@ use crate::descent::{DescentModel, Weight};
 /// Largest accepted difference between the impulse that the structure reports and that of the air, relative to the
 /// latter: both are means of one load over a window, once from its ends, once along the structure's steps.
 pub const IMPULSE_SHARE: f64 = 0.05;
+/// Share of the impulse of the weight below which a difference is no warning: a gathered canopy in free fall hardly feels the air.
+const WEIGHT_SHARE: f64 = 0.01;
 /// Windows before impulses are compared.
 const MIN_WINDOWS: u64 = 20;
 
@@ -61,6 +63,8 @@ pub struct SystemBalance {
     pub missing_impulse: f64,
     /// Sum of the absolute impulses of the air, N s.
     pub impulse: f64,
+    /// Impulse of the weight so far, N s.
+    weight_impulse: f64,
     start_j: f64,
     /// Energy now, J.
     pub energy_j: f64,
@@ -79,6 +83,7 @@ impl SystemBalance {
         let air = 0.5 * (w.air[0] + w.air[1]);
         self.missing_impulse += (air - w.support) * w.dt - (w.momentum - self.momentum);
         self.impulse += air.abs() * w.dt;
+        self.weight_impulse += model.mass_kg * g * w.dt;
         let p = 0.5 * (self.momentum + w.momentum);
         self.momentum = w.momentum;
         if self.windows > 0 {
@@ -110,9 +115,10 @@ impl SystemBalance {
         if self.exchanged_j > 0.0 { self.created_j() / self.exchanged_j } else { 0.0 }
     }
 
-    /// A warning, once, when the reported and the applied impulse differ by more than [`IMPULSE_SHARE`].
+    /// A warning, once, when the reported and the applied impulse differ by more than [`IMPULSE_SHARE`] and by more than [`WEIGHT_SHARE`] of the impulse of the weight.
     pub fn warning(&mut self) -> Option<String> {
-        let off = self.missing_impulse.abs() > IMPULSE_SHARE * self.impulse;
+        let bound = (IMPULSE_SHARE * self.impulse).max(WEIGHT_SHARE * self.weight_impulse);
+        let off = self.missing_impulse.abs() > bound;
         if self.reported || self.windows < MIN_WINDOWS || !off {
             return None;
         }

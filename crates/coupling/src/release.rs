@@ -10,8 +10,8 @@ use crate::schemes::InterfaceState;
 const PRESSURE_SHARE: f64 = 0.5;
 
 /// Compares the pressure that inflated the canopy with that of the developed flow, at the start of the first coupled
-/// stage. Returns the message and whether they differ by more than half of the larger one; `None` in other stages, and
-/// where no flow was developed.
+/// stage. Returns the message and whether they differ by more than half of the larger one; `None` in other stages,
+/// where no flow was developed, and for a canopy that opens from a gathered skirt, which no pressure inflated.
 pub fn pressure_at_release(
     scene: &Scene,
     stage: usize,
@@ -19,7 +19,8 @@ pub fn pressure_at_release(
     state: &InterfaceState,
 ) -> Option<(String, bool)> {
     let source = &scene.stages[scene.source_stage(stage, Role::Structure)?];
-    let released = scene.stages[stage].kind == StageKind::Coupled && source.kind == StageKind::PreInflation;
+    let inflates = source.kind == StageKind::PreInflation && !scene.opens_gathered();
+    let released = scene.stages[stage].kind == StageKind::Coupled && inflates;
     let (inflated, load) = (source.pressure_pa?, state.load.as_ref().filter(|_| released)?);
     let flow = interface.mean_pressure(load, &state.displacement)?;
     let larger = inflated.abs().max(flow.abs());

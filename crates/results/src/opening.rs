@@ -125,7 +125,7 @@ impl Opening {
         };
         let mass = self.mass_ratio.map_or("infinite mass".into(), |r| format!("mass ratio {r:.3}"));
         format!(
-            "opening: line stretch at {:.3} s with {:.2} m/s; {filled}; largest riser force {:.0} N at {:.3} s, {:.3} of q S0 ({mass}, D0 {:.3} m)",
+            "line stretch at {:.3} s with {:.2} m/s; {filled}; largest riser force {:.0} N at {:.3} s, {:.3} of q S0 ({mass}, D0 {:.3} m)",
             self.line_stretch_s,
             self.speed_m_s,
             self.largest_force_n,
