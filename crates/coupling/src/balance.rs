@@ -115,7 +115,7 @@ impl SystemBalance {
         if self.exchanged_j > 0.0 { self.created_j() / self.exchanged_j } else { 0.0 }
     }
 
-    /// A warning, once, when the reported and the applied impulse differ by more than [`IMPULSE_SHARE`] and by more than [`WEIGHT_SHARE`] of the impulse of the weight.
+    /// A warning, once, when the reported and the applied impulse differ by more than [`IMPULSE_SHARE`] and by more than 1 % of the impulse of the weight.
     pub fn warning(&mut self) -> Option<String> {
         let bound = (IMPULSE_SHARE * self.impulse).max(WEIGHT_SHARE * self.weight_impulse);
         let off = self.missing_impulse.abs() > bound;
