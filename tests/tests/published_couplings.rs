@@ -2,8 +2,8 @@
 
 use ripstop_tests::{ripstop_run, scene, succeed};
 
-/// The middle of the bottom of a cavity whose lid moves to and fro: over the period from 20 to 25 s within what four codes published for 20 to 70 s (`cases/validation/flexible-cavity`), the trough within
-/// 2.5 % of it, and within 0.5 % of the values measured on this grid.
+/// The middle of the bottom of a cavity whose lid has an oscillating speed: over the period from 20 to 25 s within what four codes published for 20 to 70 s (`cases/validation/flexible-cavity`), the trough within
+/// 1 % of it, and within 0.1 % of the values measured on this grid.
 #[test]
 fn flexible_bottom_of_a_cavity_moves_as_published() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -20,12 +20,12 @@ fn flexible_bottom_of_a_cavity_moves_as_published() {
     let least = period.iter().copied().fold(f64::MAX, f64::min);
     let mean = period.iter().sum::<f64>() / period.len() as f64;
     for (name, value, [low, high], measured) in [
-        ("peak", largest, [0.2433, 0.2861], 0.2669),
-        ("trough", least, [0.1967, 1.025 * 0.2066], 0.2081),
-        ("mean", mean, [0.2255, 0.2445], 0.2365),
+        ("peak", largest, [0.2433, 0.2861], 0.26686),
+        ("trough", least, [0.1967, 1.01 * 0.2066], 0.20809),
+        ("mean", mean, [0.2255, 0.2445], 0.23647),
     ] {
         assert!((low..=high).contains(&value), "{name}: {value} outside {low} to {high}");
-        assert!((value / measured - 1.0).abs() < 5e-3, "{name}: {value}, measured {measured}");
+        assert!((value / measured - 1.0).abs() < 1e-3, "{name}: {value}, measured {measured}");
     }
     // The panel is a slice: it does not move along y, nor do its ends.
     assert!(column("middle_y_m").iter().all(|y| y.abs() < 1e-9));

@@ -68,7 +68,7 @@ fn descent(t: CanopyType, sizes: &SceneSizes) -> String {
 
 /// Four significant digits.
 fn digits(x: f64) -> String {
-    let decimals = (3 - x.abs().log10().floor() as i32).max(1) as usize;
+    let decimals = if x == 0.0 { 1 } else { (3 - x.abs().log10().floor() as i32).max(1) as usize };
     let text = format!("{x:.decimals$}");
     let short = text.trim_end_matches('0');
     if short.ends_with('.') { format!("{short}0") } else { short.to_owned() }
@@ -317,7 +317,7 @@ release_s = 0.0              # cut at the start of the opening; later: a reefed 
 [[stage]]
 name = \"gather\"
 kind = \"pre-inflation\"       # structure alone
-pressure_pa = 0.01           # the line, not the pressure, shapes the canopy
+pressure_pa = {pressure}        # the line, not the pressure, shapes the canopy
 duration_s = {gathering}
 window_s = 5e-3
 substeps = 20
@@ -348,6 +348,7 @@ window_s = {descent_window}
 substeps = 20
 ",
         reefing = digits(0.15 * skirt(t, d)),
+        pressure = plain(4e-5 * 0.5 * DENSITY * v * v),
         gathering = digits(gathering),
         force = digits(force),
         stream = digits(one_digit(1.5 * d / v)),

@@ -475,6 +475,16 @@ fn sections_of_gores_are_checked() {
     assert!(error.contains("belongs to profile = \"sections\""), "{error}");
 }
 
+/// A canopy that was inflated reefed by about the dynamic pressure does not open from a gathered skirt, nor does one without a cut line.
+#[test]
+fn gathered_openings_differ_from_reefed_ones() {
+    let text = include_str!("../../../cases/flat-circular-opening/scene.toml");
+    let opens = |text: &str| read(text).unwrap_or_else(|e| panic!("{e}")).opens_gathered();
+    assert!(opens(text));
+    assert!(!opens(&text.replace("pressure_pa = 0.01 ", "pressure_pa = 800.0 ")));
+    assert!(!opens(&text.replace("release_stage = \"opening\"\nrelease_s = 0.0\n", "")));
+}
+
 #[test]
 fn crosses_are_checked() {
     // Each key once: `change` replaces its line.

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
-use crate::{Role, Scene, Solve, StageKind};
+use crate::{Role, Scene, Solve, Stage, StageKind};
 
 /// A reefing line: a closed line through the skirt, where the suspension lines are attached,
 /// of the material of `[lines]`; it pulls only. It has no inertia.
@@ -27,11 +27,19 @@ pub struct Reefing {
     pub release_ramp_s: f64,
 }
 
+/// Share of the dynamic pressure below which a pre-inflation does not inflate: a canopy carries about 0.7 to 1.8 times the dynamic pressure.
+const GATHERED_PRESSURE: f64 = 0.05;
+
 impl Scene {
-    /// Whether the canopy opens from a gathered skirt: a reefing line that an earlier stage drew in is cut in the first coupled stage.
+    /// Whether the canopy opens from a gathered skirt: a reefing line is cut in the first coupled stage, and the stages before it inflate the canopy by less than
+    /// [`GATHERED_PRESSURE`] of the dynamic pressure at the initial speed. A canopy that was inflated reefed does not.
     pub fn opens_gathered(&self) -> bool {
         let first = self.stages.iter().position(|s| s.kind == StageKind::Coupled);
-        let gathered = |k: usize| self.stages[..k].iter().any(|s| s.kind == StageKind::PreInflation);
+        let speed = self.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
+        let dynamic = self.flow.as_ref().map_or(0.0, |f| 0.5 * f.density_kg_m3 * speed * speed);
+        let gathers = |s: &Stage| s.pressure_pa.is_some_and(|p| p.abs() < GATHERED_PRESSURE * dynamic);
+        let inflations = |k: usize| self.stages[..k].iter().filter(|s| s.kind == StageKind::PreInflation);
+        let gathered = |k: usize| inflations(k).count() > 0 && inflations(k).all(gathers);
         first.filter(|k| gathered(*k)).is_some_and(|k| {
             self.reefing.iter().any(|r| r.release_stage.as_ref() == Some(&self.stages[k].name))
         })
