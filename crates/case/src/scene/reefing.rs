@@ -32,7 +32,7 @@ const GATHERED_PRESSURE: f64 = 0.05;
 
 impl Scene {
     /// Whether the canopy opens from a gathered skirt: a reefing line is cut in the first coupled stage, and the stages before it inflate the canopy by less than
-    /// [`GATHERED_PRESSURE`] of the dynamic pressure at the initial speed. A canopy that was inflated reefed does not.
+    /// 5 % of the dynamic pressure at the initial speed. A canopy that was inflated reefed does not.
     pub fn opens_gathered(&self) -> bool {
         let first = self.stages.iter().position(|s| s.kind == StageKind::Coupled);
         let speed = self.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
