@@ -316,13 +316,15 @@ impl History {
 
 /// Columns of the history that are statistics of the participant. Works are those of
 /// the window.
-const COLUMNS: [(&str, usize); 13] = [
+const COLUMNS: [(&str, usize); 15] = [
     ("structure_kinetic_energy_j", stat::KINETIC_ENERGY),
     ("structure_strain_energy_j", stat::STRAIN_ENERGY),
     ("structure_load_work_j", stat::LOAD_WORK),
     ("vertical_load_n", stat::VERTICAL_LOAD),
     ("riser_force_n", stat::RISER_FORCE),
     ("max_line_tension_n", stat::MAX_LINE_TENSION),
+    ("max_membrane_force_n_m", stat::MAX_MEMBRANE_FORCE),
+    ("membrane_force_99_n_m", stat::MEMBRANE_FORCE_99),
     ("projected_area_m2", stat::PROJECTED_AREA),
     ("volume_m3", stat::VOLUME),
     ("structure_newton_steps", stat::NEWTON_STEPS),

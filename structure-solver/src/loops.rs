@@ -11,6 +11,7 @@ mod stencil;
 pub use contact::{Contact, ContactLaw};
 pub use elements::Elements;
 
+use crate::elements::Sheet;
 use crate::elements::mass::MassMatrix;
 use crate::flat::Block;
 use crate::materials::{Regime, Stress};
@@ -205,6 +206,12 @@ pub trait ElementLoop {
         Vec::new()
     }
 
+    /// Larger principal values of the nominal stress of membrane elements, Pa: force for each unstressed cross-section; as
+    /// [`ElementLoop::stresses`].
+    fn nominal_stresses(&self, _x: &[f64]) -> Vec<f64> {
+        Vec::new()
+    }
+
     /// Principal Green strains of membrane elements, the larger first; as
     /// [`ElementLoop::stresses`].
     fn strains(&self, _x: &[f64]) -> Vec<[f64; 2]> {
@@ -226,4 +233,45 @@ pub trait ElementLoop {
 fn principal_stresses(s: &Stress) -> [f64; 2] {
     let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
     [mean + radius, mean - radius]
+}
+
+/// Larger principal value of the nominal stress, Pa: the largest singular value of the first Piola-Kirchhoff stress
+/// $`P = F S`$, from $`P^T P = S C S`$ with $`C = I + 2 E`$.
+fn nominal_stress(s: &Sheet) -> f64 {
+    let [e11, e22, g12] = s.strain;
+    let [s11, s22, s12] = s.stress;
+    let (c11, c22, c12) = (1.0 + 2.0 * e11, 1.0 + 2.0 * e22, g12);
+    let square = [
+        s11 * s11 * c11 + 2.0 * s11 * s12 * c12 + s12 * s12 * c22,
+        s12 * s12 * c11 + 2.0 * s12 * s22 * c12 + s22 * s22 * c22,
+        s11 * s12 * c11 + (s11 * s22 + s12 * s12) * c12 + s12 * s22 * c22,
+    ];
+    principal_stresses(&square)[0].max(0.0).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheet(strain: [f64; 3], stress: Stress) -> Sheet {
+        Sheet { strain, stress, regime: Regime::Taut }
+    }
+
+    /// A strip of stretch 1.2 under S11: the force for each unstressed width is 1.2 S11. Turning the axes changes nothing.
+    #[test]
+    fn nominal_stress_is_the_force_for_each_unstressed_width() {
+        let e = 0.5 * (1.2f64.powi(2) - 1.0);
+        assert!((nominal_stress(&sheet([e, -0.1, 0.0], [50.0, 0.0, 0.0])) - 60.0).abs() < 1e-12);
+        // Both ways, the larger second: 1.2 * 50 against sqrt(0.8) * 80.
+        let both = nominal_stress(&sheet([e, -0.1, 0.0], [50.0, 80.0, 0.0]));
+        assert!((both - 80.0 * 0.8f64.sqrt()).abs() < 1e-12, "{both}");
+        let (sin, cos) = 0.4f64.sin_cos();
+        let turned = |[a, b]: [f64; 2]| {
+            [a * cos * cos + b * sin * sin, a * sin * sin + b * cos * cos, (a - b) * sin * cos]
+        };
+        let (mut strain, stress) = (turned([e, -0.1]), turned([50.0, 80.0]));
+        strain[2] *= 2.0;
+        assert!((nominal_stress(&sheet(strain, stress)) - both).abs() < 1e-12);
+        assert_eq!(nominal_stress(&sheet([0.1, 0.2, 0.3], [0.0; 3])), 0.0);
+    }
 }

@@ -31,6 +31,10 @@ pub struct Measures {
     pub volume: f64,
     /// Mean vertical force over the window on what holds the structure, N: see `support.rs`.
     pub support_force: f64,
+    /// Largest membrane force, N for each metre of unstressed width.
+    pub max_membrane_force: f64,
+    /// Membrane force that 99 % of the unstressed area does not exceed, N/m.
+    pub membrane_force_99: f64,
     /// Vertical momentum of the nodes of free height in the frame, N s.
     pub vertical_momentum: f64,
 }
@@ -43,13 +47,15 @@ pub struct Diagnostics {
     held: Vec<(u32, usize)>,
     /// Cables counted here that are suspension lines.
     lines: Vec<u32>,
+    /// Thickness of the fabric, m.
+    thickness: f64,
     x: Vec<f64>,
     w: Vec<f64>,
 }
 
 impl Diagnostics {
-    /// The hem is where suspension lines start; without lines it is the rim.
-    pub fn new(system: &System, mesh: &StructureMesh) -> Self {
+    /// The hem is where suspension lines start; without lines it is the rim. `thickness` of the fabric in m.
+    pub fn new(system: &System, mesh: &StructureMesh, thickness: f64) -> Self {
         let model = &system.model;
         let mut is_hem = vec![false; mesh.coords.len()];
         for c in mesh.cables.iter().filter(|c| c.kind == CableKind::SuspensionLine) {
@@ -77,7 +83,7 @@ impl Diagnostics {
             held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
         }
         let zero = || vec![0.0; 3 * model.n_local()];
-        Self { hem: hem.map(|i| i as u32).collect(), held, lines, x: zero(), w: zero() }
+        Self { hem: hem.map(|i| i as u32).collect(), held, lines, thickness, x: zero(), w: zero() }
     }
 
     /// Kinetic energy of `state` on owned nodes, J.
@@ -133,6 +139,7 @@ impl Diagnostics {
         let mut sums = [kinetic, strain, lift, area, volume, riser];
         comm.sum_slice(&mut sums);
         let tension = self.lines.iter().map(|&k| tensions[k as usize]).fold(0.0, f64::max);
+        let [max_membrane_force, membrane_force_99] = self.membrane_forces(system);
         Measures {
             kinetic: sums[0],
             strain: sums[1],
@@ -141,9 +148,49 @@ impl Diagnostics {
             volume: sums[4],
             riser_force: sums[5],
             max_line_tension: comm.max(tension),
+            max_membrane_force,
+            membrane_force_99,
             ..Measures::default()
         }
     }
+
+    /// Largest membrane force and that of [`AREA_SHARE`] at the positions measured last, N/m. Collective.
+    fn membrane_forces(&self, system: &System) -> [f64; 2] {
+        let model = &system.model;
+        let own = &model.triangles[..model.n_own_triangles];
+        let stresses = system.loops().iter().flat_map(|l| l.nominal_stresses(&self.x));
+        let force = |(s, t): (f64, &crate::model::Triangle)| (self.thickness * s, t.reference.area);
+        let forces: Vec<(f64, f64)> = stresses.zip(own).map(force).collect();
+        let most = model.comm.max(forces.iter().map(|f| f.0).fold(0.0, f64::max));
+        if most <= 0.0 {
+            return [0.0; 2];
+        }
+        let mut areas = [0.0; BINS];
+        for (force, area) in forces {
+            areas[((force / most * BINS as f64) as usize).min(BINS - 1)] += area;
+        }
+        model.comm.sum_slice(&mut areas);
+        [most, most * quantile(&areas, AREA_SHARE)]
+    }
+}
+
+/// Share of the area whose membrane force is reported next to the largest one: the largest belongs to one element at a corner or a line, and grows
+/// as elements shrink.
+const AREA_SHARE: f64 = 0.99;
+
+/// Intervals of the distribution of membrane forces over the area: its quantiles are exact to a thousandth of the largest force.
+const BINS: usize = 1000;
+
+/// Value that `share` of a distribution over equal intervals of 0 to 1 does not exceed, linear within an interval.
+fn quantile(weights: &[f64], share: f64) -> f64 {
+    let mut missing = share * weights.iter().sum::<f64>();
+    for (k, &weight) in weights.iter().enumerate() {
+        if weight >= missing && weight > 0.0 {
+            return (k as f64 + missing / weight) / weights.len() as f64;
+        }
+        missing -= weight;
+    }
+    1.0
 }
 
 /// Canopy nodes on edges of one triangle only.

@@ -156,7 +156,7 @@ impl StructureSolver {
         if s.integration == Integration::Explicit && scene.stages[stage].solve == Solve::Dynamic {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
         }
-        let gauge = Diagnostics::new(&dynamics.system, &mesh);
+        let gauge = Diagnostics::new(&dynamics.system, &mesh, scene.fabric.thickness_m);
         let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
@@ -306,6 +306,8 @@ impl StructureSolver {
         v[stat::VERTICAL_LOAD] = m.vertical_load;
         v[stat::PROJECTED_AREA] = m.projected_area;
         v[stat::MAX_LINE_TENSION] = m.max_line_tension;
+        v[stat::MAX_MEMBRANE_FORCE] = m.max_membrane_force;
+        v[stat::MEMBRANE_FORCE_99] = m.membrane_force_99;
         v[stat::RESIDUAL] = info.residual;
         v[stat::RESIDUAL_TARGET] = info.target;
         v[stat::UNCONVERGED] = info.unconverged as f64;

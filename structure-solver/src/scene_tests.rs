@@ -116,6 +116,38 @@ fn a_neo_hookean_sheet_has_the_energy_of_its_stretch() {
     }
 }
 
+/// A sheet that is stretched by 1.3 both ways has the membrane force `t l Y E / (1 - nu)` everywhere. One corner node that moves strains less
+/// than 1 % of the area: the peak is that of its triangle.
+#[test]
+fn membrane_forces_are_those_of_a_uniform_stretch_and_of_a_peak() {
+    for rest in ["", "wrinkling = true", "[structure]\nmembrane = \"quadrilateral\""] {
+        let s = scene(BAG, rest, LAST);
+        let mut d = structure(&s, None).expect("a structure");
+        let mesh = mesh::structure_mesh(&s).expect("a mesh");
+        let mut diagnostics = crate::measures::Diagnostics::new(&d.system, &mesh, s.fabric.thickness_m);
+        let n = d.system.model.n_faces;
+        let load = FaceLoad { pressure: &vec![0.0; n], traction: &[] };
+        let l = 1.3f64;
+        for (u, x) in d.accepted.u.iter_mut().zip(&d.system.model.reference) {
+            *u = (l - 1.0) * x;
+        }
+        let (f, e) = (&s.fabric, 0.5 * (l * l - 1.0));
+        let exact = f.thickness_m * l * f.youngs_modulus_pa * e / (1.0 - f.poisson_ratio);
+        let m = diagnostics.measure(&d.system, &d.accepted, load);
+        let found = [m.max_membrane_force, m.membrane_force_99].map(|force| force / exact);
+        assert!((found[0] - 1.0).abs() < 1e-12 && (found[1] - 1.0).abs() < 1e-4, "{rest}: {found:?}");
+
+        d.accepted.u.fill(0.0);
+        let x = &d.system.model.reference;
+        let far = |n: &usize| x[3 * n] + x[3 * n + 1];
+        let corner = (0..x.len() / 3).max_by(|a, b| far(a).total_cmp(&far(b))).expect("nodes");
+        (0..2).for_each(|c| d.accepted.u[3 * corner + c] = 1e-3 * x[3 * corner + c]);
+        let m = diagnostics.measure(&d.system, &d.accepted, load);
+        assert!(m.max_membrane_force > 1e-3 * exact, "{rest}: {m:?}");
+        assert!(m.membrane_force_99 < 2e-3 * m.max_membrane_force, "{rest}: {m:?}");
+    }
+}
+
 /// At the strain `e` of a bag its law is linear but for `5/2 e`, and the rise (with the cube root of the stress) for a
 /// third of that; a softer bag departs from the linear one.
 #[test]

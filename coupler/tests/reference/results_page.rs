@@ -209,10 +209,12 @@ fn summary() -> RunSummary {
     stage.settled = SettledMean::all(&[("time_s".into(), time), ("drag_n".into(), drag)]);
     stage.safety_factors = vec![SafetyFactor {
         part: "lines".into(),
-        tension_n: 1.0,
+        load: 1.0,
+        strength: 2.0,
+        unit: "N".into(),
         time_s: 1.0,
-        strength_n: 2.0,
         factor: 2.0,
+        factor_99: None,
         required: None,
     }];
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };

@@ -106,6 +106,11 @@ pub mod structure_stats {
     /// Vertical momentum of all nodes whose height is free, relative to the frame, at the end of the window, N s;
     /// read as `SUPPORT_FORCE`.
     pub const VERTICAL_MOMENTUM: usize = 25;
+    /// Largest membrane force of the fabric at the end of the window, N for each metre of unstressed width: the larger principal value of the first
+    /// Piola-Kirchhoff stress times the thickness, the force that a strip test measures. 0: no tension, or not reported.
+    pub const MAX_MEMBRANE_FORCE: usize = 26;
+    /// Membrane force that 99 % of the unstressed area of the fabric does not exceed, N/m. 0: no tension, or not reported.
+    pub const MEMBRANE_FORCE_99: usize = 27;
 }
 
 /// Indices into [`Stats::values`] of the flow.

@@ -164,10 +164,11 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "strength.safety-factor",
-        what: "lines and risers carry less than their strength",
-        estimate: "strength over the largest tension at the ends of windows (safety_factors in summary.json): of lines lines.strength_n over \
-                   max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound. The history has no stress \
-                   of the fabric, and tensions within a window are not seen",
+        what: "fabric, lines and risers carry less than their strength",
+        estimate: "strength over the largest load at the ends of windows (safety_factors in summary.json): of lines lines.strength_n over \
+                   max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound; of the fabric \
+                   fabric.strength_n_m over max_membrane_force_n_m, the peak of one element, which grows at corners and lines as elements shrink, \
+                   and next to it over membrane_force_99_n_m. Loads within a window are not seen, nor the strength of seams",
         range: "warning below 1 at the end of the stage; below safety_factor of the section the figure says so",
         source: "the strength of the scene or of its material",
         severity: Warning,

@@ -4,6 +4,7 @@ use case::{Role, StageKind, WatchedForce};
 use coupling::descent::DescentModel;
 use coupling::interface::CanopyInterface;
 use figures::plot;
+use results::strength::SafetyFactor;
 use terminal::{clock, counted};
 
 use super::chart::digits;
@@ -147,13 +148,15 @@ fn safety_factor(run: &Run) -> Option<Card> {
     let risers = CanopyInterface::new(run.scene()).ok()?.sizes.risers;
     let of_stage = |stage| {
         let (stage, name): (&StageData, _) = (stage, &run.stage(stage).name);
-        stage.columns.safety_factors(run.scene(), risers).into_iter().map(move |f| (name, f))
+        stage.columns.safety_factors(run.scene(), risers).into_iter().map(move |f| (name.clone(), f))
     };
     let all = run.stages.iter().flat_map(of_stage);
-    let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
-    let mut notes = vec![format!("{}, stage {stage}", least.line())];
-    notes.push("at the ends of windows; the history has no stress of the fabric".into());
-    let warn = least.factor < least.required.unwrap_or(1.0);
+    let parts = SafetyFactor::smallest(all);
+    let least = &parts.first()?.1;
+    let mut notes: Vec<String> =
+        parts.iter().map(|(stage, f)| format!("{}, stage {stage}", f.line())).collect();
+    notes.push("at the ends of windows".into());
+    let warn = parts.iter().any(|(_, f)| f.factor < f.required.unwrap_or(1.0));
     Some(Card { warn, ..card("Smallest safety factor", format!("{:.2}", least.factor), notes) })
 }
 

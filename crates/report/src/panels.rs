@@ -62,6 +62,12 @@ pub(super) const MOTION: &[Panel] = &[
         &[("max_line_tension_n", "maximum line tension")],
     ),
     panel(
+        "Membrane force of the fabric",
+        "N/m",
+        "Force for each metre of unstressed width: the peak of one element, and what 99 % of the area does not exceed.",
+        &[("max_membrane_force_n_m", "largest"), ("membrane_force_99_n_m", "99 % of the area")],
+    ),
+    panel(
         "Energy of fabric and lines",
         "J",
         "Elastic and kinetic energy of the structure.",

@@ -108,6 +108,11 @@ pub const HISTORY: &[Column] = &[
         "Mean over the window of the vertical force of the structure on the payload or on its support, positive upwards.",
     ),
     column("max_line_tension_n", "Largest tension of a line."),
+    column(
+        "max_membrane_force_n_m",
+        "Largest membrane force of the fabric, for each metre of unstressed width: the peak of one element. 0: no tension, or not reported.",
+    ),
+    column("membrane_force_99_n_m", "Membrane force that 99 % of the area of the fabric does not exceed."),
     column("projected_area_m2", "Area of the canopy projected on a horizontal plane."),
     column("volume_m3", "Volume under the canopy, closed by the plane of its hem."),
     column("structure_newton_steps", "Newton steps of the structure, or explicit steps, in the last solve."),

@@ -108,7 +108,7 @@ impl Column {
 }
 
 /// Statistics of the structure.
-const STRUCTURE_COLUMNS: [Column; 20] = {
+const STRUCTURE_COLUMNS: [Column; 22] = {
     use structure_stats as s;
     [
         Column::number("structure_kinetic_energy_j", s::KINETIC_ENERGY),
@@ -123,6 +123,8 @@ const STRUCTURE_COLUMNS: [Column; 20] = {
         Column::number("riser_force_n", s::RISER_FORCE),
         Column::number("support_force_n", s::SUPPORT_FORCE),
         Column::number("max_line_tension_n", s::MAX_LINE_TENSION),
+        Column::number("max_membrane_force_n_m", s::MAX_MEMBRANE_FORCE),
+        Column::number("membrane_force_99_n_m", s::MEMBRANE_FORCE_99),
         Column::number("projected_area_m2", s::PROJECTED_AREA),
         Column::number("volume_m3", s::VOLUME),
         Column::count("structure_newton_steps", s::NEWTON_STEPS),

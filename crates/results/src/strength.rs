@@ -1,4 +1,4 @@
-//! Safety factors of lines and risers in a stage: strength over largest tension, from its `history.csv`.
+//! Safety factors of fabric, lines and risers in a stage: strength over largest load, from its `history.csv`.
 
 use case::Scene;
 use serde::{Deserialize, Serialize};
@@ -6,68 +6,101 @@ use serde::{Deserialize, Serialize};
 /// Check of the table that this is.
 const CHECK: &str = "strength.safety-factor";
 
-/// Strength of a part of the parachute over its largest tension in a stage.
+/// Strength of a part of the parachute over its largest load in a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SafetyFactor {
-    /// `lines` or `risers`.
+    /// `lines`, `risers` or `fabric`.
     pub part: String,
-    /// Largest tension at the end of a window, N. Of a riser: the vertical force of all risers over their number, which the largest tension
-    /// of a riser exceeds.
-    pub tension_n: f64,
-    /// Time of it from the start of the stage, s.
+    /// Largest tension or membrane force at the end of a window, in `unit`. Of a riser: the vertical force of all risers over their number,
+    /// which the largest tension of a riser exceeds. Of the fabric: that of one element, which grows at corners and lines as elements shrink.
+    pub load: f64,
+    /// Strength by the scene, in `unit`.
+    pub strength: f64,
+    /// `N`, or `N/m` of the fabric.
+    pub unit: String,
+    /// Time of the largest load from the start of the stage, s.
     pub time_s: f64,
-    /// Strength by the scene, N.
-    pub strength_n: f64,
-    /// Strength over tension; of risers an upper bound.
+    /// Strength over load; of risers an upper bound.
     pub factor: f64,
+    /// Of the fabric: strength over the largest membrane force in the history that 99 % of the area does not exceed.
+    pub factor_99: Option<f64>,
     /// `safety_factor` of the scene; `None` where it has none.
     pub required: Option<f64>,
 }
 
+/// Time and value of the largest positive value of `column`.
+fn largest(columns: &[(String, Vec<f64>)], column: &str) -> Option<(f64, f64)> {
+    let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| values.iter());
+    let rows = get("time_s")?.zip(get(column)?).map(|(time, value)| (*time, *value));
+    let loaded = rows.filter(|(_, value)| value.is_finite() && *value > 0.0);
+    loaded.fold(None, |most: Option<(f64, f64)>, row| Some(most.filter(|m| m.1 >= row.1).unwrap_or(row)))
+}
+
 impl SafetyFactor {
-    /// Of lines and risers whose strength the scene has, from the columns of a history. `risers` is their number. A part that is slack
-    /// throughout has none.
+    /// Of fabric, lines and risers whose strength the scene has, from the columns of a history. `risers` is their number. A part that is slack
+    /// throughout has none, nor has a fabric whose program reports no membrane force.
     pub fn of(scene: &Scene, risers: usize, columns: &[(String, Vec<f64>)]) -> Vec<Self> {
-        let largest = |column: &str| {
-            let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| values.iter());
-            let rows = get("time_s")?.zip(get(column)?).map(|(time, value)| (*time, *value));
-            let pulled = rows.filter(|(_, value)| value.is_finite() && *value > 0.0);
-            pulled.fold(None, |most: Option<(f64, f64)>, row| {
-                Some(most.filter(|m| m.1 >= row.1).unwrap_or(row))
-            })
-        };
         let factor = |part: &str, strength: Option<f64>, required, column, share: f64| {
-            let (strength_n, (time_s, force)) = (strength?, largest(column)?);
-            let tension_n = force / share;
-            let factor = strength_n / tension_n;
-            Some(Self { part: part.into(), tension_n, time_s, strength_n, factor, required })
+            let (strength, (time_s, force)) = (strength?, largest(columns, column)?);
+            let load = force / share;
+            let factor = strength / load;
+            let (part, unit) = (part.into(), "N".into());
+            Some(Self { part, load, strength, unit, time_s, factor, factor_99: None, required })
         };
+        let fabric = &scene.fabric;
+        let own = factor("fabric", fabric.strength_n_m, fabric.safety_factor, "max_membrane_force_n_m", 1.0);
+        let fabric = own.map(|f| {
+            let most = largest(columns, "membrane_force_99_n_m").map(|(_, force)| f.strength / force);
+            Self { unit: "N/m".into(), factor_99: most, ..f }
+        });
         let lines = scene.lines.as_ref();
         let lines =
             lines.and_then(|l| factor("lines", l.strength_n, l.safety_factor, "max_line_tension_n", 1.0));
         let own = scene.risers.as_ref().filter(|_| risers > 0);
         let own =
             own.and_then(|r| factor("risers", r.strength_n, r.safety_factor, "riser_force_n", risers as f64));
-        lines.into_iter().chain(own).collect()
+        fabric.into_iter().chain(lines).chain(own).collect()
+    }
+
+    /// The smallest factor of each part among all stages, with the name of its stage; the smallest of all first.
+    pub fn smallest(all: impl Iterator<Item = (String, Self)>) -> Vec<(String, Self)> {
+        let mut all: Vec<_> = all.collect();
+        all.sort_by(|a, b| a.1.factor.total_cmp(&b.1.factor));
+        let mut seen = Vec::new();
+        all.retain(|(_, f)| {
+            let new = !seen.contains(&f.part);
+            seen.push(f.part.clone());
+            new
+        });
+        all
     }
 
     /// Factor and loads in words.
     pub fn line(&self) -> String {
         let (each, bound) = if self.part == "risers" { ("at least ", "at most ") } else { ("", "") };
+        let of = if self.part == "fabric" { "membrane force" } else { "tension" };
         let required = self.required.filter(|required| self.factor < *required);
         let below = required.map_or(String::new(), |required| format!(", below the required {required}"));
+        let most =
+            self.factor_99.map_or(String::new(), |f| format!("; 99 % of its area has at least {f:.2}"));
         format!(
-            "safety factor of {} {bound}{:.2}{below}: largest tension {each}{:.1} N at {:.4} s, strength {:.1} N",
-            self.part, self.factor, self.tension_n, self.time_s, self.strength_n
+            "safety factor of {} {bound}{:.2}{below}: largest {of} {each}{:.1} {unit} at {:.4} s, strength {:.1} {unit}{most}",
+            self.part,
+            self.factor,
+            self.load,
+            self.time_s,
+            self.strength,
+            unit = self.unit
         )
     }
 
     /// The warning of a part that carries more than its strength in a stage.
     pub fn warning(&self, stage: &str) -> Option<String> {
+        let more = if self.part == "fabric" { "reinforcement by [tapes]" } else { "more lines" };
         (self.factor < 1.0).then(|| {
             format!(
-                "stage `{stage}`: {} [{CHECK}]. Nothing breaks in the run. Remedy: choose a stronger material for [{}], more lines, or a \
-                 slower opening",
+                "stage `{stage}`: {} [{CHECK}]. Nothing breaks in the run. Remedy: choose a stronger material for [{}], {more}, or a slower \
+                 opening",
                 self.line(),
                 self.part
             )
@@ -105,7 +138,7 @@ mod tests {
         let found = SafetyFactor::of(&strong, 4, &columns([100.0, 250.0, 90.0], [f64::NAN, -50.0, 1200.0]));
         let [lines, risers] = &found[..] else { panic!("{found:?}") };
         assert_eq!((lines.factor, lines.time_s, lines.required), (2.0, 0.2, Some(2.5)));
-        assert_eq!((risers.tension_n, risers.factor, risers.time_s), (300.0, 3.0, 0.3));
+        assert_eq!((risers.load, risers.factor, risers.time_s), (300.0, 3.0, 0.3));
         assert_eq!(
             lines.line(),
             "safety factor of lines 2.00, below the required 2.5: largest tension 250.0 N at 0.2000 s, strength 500.0 N"
@@ -141,5 +174,34 @@ mod tests {
         assert_eq!(SafetyFactor::of(&scene("", RISERS), 4, &self::columns([9.0; 3], [9.0; 3])), []);
         // A stage without structure has no such columns.
         assert_eq!(SafetyFactor::of(&scene("strength_n = 249.0", RISERS), 4, &columns[..1]), []);
+    }
+
+    /// 4 000 of 7 000 N/m at 0.2 s: 1.75; 99 % of the area has at most 1 000 N/m: 7.
+    #[test]
+    fn fabric_has_a_factor_of_its_peak_and_of_its_area() {
+        let text = include_str!("../../../cases/atps-descent/scene.toml");
+        let text = text.replacen("[fabric]", "[fabric]\nstrength_n_m = 7000.0\nsafety_factor = 2.0", 1);
+        let scene = case::parse(Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"));
+        let history = |peak: [f64; 3], most: [f64; 3]| {
+            let named = |name: &str, values: [f64; 3]| (name.to_owned(), values.to_vec());
+            vec![
+                named("time_s", [0.1, 0.2, 0.3]),
+                named("max_membrane_force_n_m", peak),
+                named("membrane_force_99_n_m", most),
+            ]
+        };
+        let found = SafetyFactor::of(&scene, 4, &history([10.0, 4000.0, 90.0], [5.0, 900.0, 1000.0]));
+        let [fabric] = &found[..] else { panic!("{found:?}") };
+        assert_eq!(
+            fabric.line(),
+            "safety factor of fabric 1.75, below the required 2: largest membrane force 4000.0 N/m at 0.2000 s, strength 7000.0 N/m; 99 % of \
+             its area has at least 7.00"
+        );
+        assert_eq!(fabric.warning("descent"), None);
+        let found = SafetyFactor::of(&scene, 4, &history([10.0, 7001.0, 90.0], [5.0, 900.0, 1000.0]));
+        let text = found[0].warning("descent").expect("a warning");
+        assert!(text.contains("stronger material for [fabric], reinforcement by [tapes]"), "{text}");
+        // A program that reports none.
+        assert_eq!(SafetyFactor::of(&scene, 4, &history([0.0; 3], [0.0; 3])), []);
     }
 }

@@ -133,7 +133,7 @@ pub struct StageSummary {
     /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage.
     #[serde(default)]
     pub opening: Option<Opening>,
-    /// Safety factors of lines and risers, where the scene has their strength.
+    /// Safety factors of fabric, lines and risers, where the scene has their strength.
     #[serde(default)]
     pub safety_factors: Vec<SafetyFactor>,
     /// Projected area at the end, m2.
@@ -405,15 +405,16 @@ impl RunSummary {
         std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
     }
 
-    /// The smallest safety factor of all stages in words; `None` where the scene has no strength.
-    fn smallest_safety_factor(&self) -> Option<String> {
+    /// The smallest safety factor of each part in words; none where the scene has no strength.
+    fn smallest_safety_factors(&self) -> impl Iterator<Item = String> {
         let of_stage = |s: &'_ StageSummary| {
             let name = s.name.clone();
             s.safety_factors.clone().into_iter().map(move |f| (name.clone(), f))
         };
         let all = self.stages.iter().flat_map(of_stage);
-        let (stage, least) = all.min_by(|a, b| a.1.factor.total_cmp(&b.1.factor))?;
-        Some(format!("  {stage}: smallest {}", least.line()))
+        SafetyFactor::smallest(all)
+            .into_iter()
+            .map(|(stage, least)| format!("  {stage}: smallest {}", least.line()))
     }
 
     /// The table for the terminal.
@@ -440,7 +441,7 @@ impl RunSummary {
         let openings =
             self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.opening?.line())));
         lines.extend(openings);
-        lines.extend(self.smallest_safety_factor());
+        lines.extend(self.smallest_safety_factors());
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

@@ -1,7 +1,7 @@
 //! Elements of one kernel on a rank: gathering, scattering and assembly, once for all kernels.
 
 use super::stencil::Stencil;
-use super::{Configuration, ElementLoop, FaceLoad, principal_stresses};
+use super::{Configuration, ElementLoop, FaceLoad, nominal_stress, principal_stresses};
 use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
@@ -268,6 +268,10 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
 
     fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
         self.sheets(x, |s| (principal_stresses(&s.stress), s.regime))
+    }
+
+    fn nominal_stresses(&self, x: &[f64]) -> Vec<f64> {
+        self.sheets(x, |s| nominal_stress(&s))
     }
 
     fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
