@@ -92,7 +92,7 @@ pub struct Usage {
 /// }
 ///
 /// let coupling = Coupling {
-///     acceleration: Acceleration::IqnIls,
+///     acceleration: Some(Acceleration::IqnIls),
 ///     load_interpolation: Some(LoadShape::Linear),
 ///     tolerance: 1e-6,
 ///     ..Coupling::default()

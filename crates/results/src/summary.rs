@@ -148,6 +148,9 @@ pub struct StageSummary {
     pub wake_samples: Vec<Sample>,
 }
 
+/// Solves of the structure for each flow solve above which those against the surrogate are most of them.
+const MANY_SOLVES: f64 = 4.0;
+
 fn canopy() -> String {
     case::WatchedForce::Canopy.name().into()
 }
@@ -239,6 +242,21 @@ impl StageSummary {
             let reference = OpeningReference::of(scene, interface);
             self.opening = reference.and_then(|r| Opening::of_history(&columns, &r));
         }
+    }
+
+    /// What to change where the solves of the structure against the surrogate of the flow take most of the time, in words.
+    fn structure_cost(&self) -> Option<String> {
+        let (structure, flow) = (self.structure_solves as f64, self.flow_solves as f64);
+        let share = self.structure_busy_s / self.wall_s;
+        let inner = self.kind == StageKind::Coupled && structure > MANY_SOLVES * flow;
+        (inner && self.structure_busy_s > self.flow_busy_s && share > 0.5).then(|| {
+            format!(
+                "  {}: the structure took {:.0} % of the wall time in {:.1} solves for each flow solve; coupling.acceleration = \"iqn-ils\" has one",
+                self.name,
+                100.0 * share,
+                structure / flow
+            )
+        })
     }
 
     /// Settled means in words: of descent speed and drag, or of the drag where the stage prescribes the speed.
@@ -442,6 +460,7 @@ impl RunSummary {
             self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.opening?.line())));
         lines.extend(openings);
         lines.extend(self.smallest_safety_factors());
+        lines.extend(self.stages.iter().filter_map(StageSummary::structure_cost));
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {
@@ -449,5 +468,38 @@ impl RunSummary {
         }
         lines.push(format!("  results: {}", out.display()));
         lines.join("\n")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// 76 % of 100 s in 14 solves for each flow solve; fewer solves, a costlier flow or another kind of stage say nothing.
+    #[test]
+    fn costly_solves_of_the_structure_are_named_with_the_remedy() {
+        let scene = include_str!("../../../cases/atps-descent/scene.toml");
+        let scene = case::parse(Path::new("scene.toml"), scene).unwrap_or_else(|e| panic!("{e}"));
+        let stage = scene.stages.iter().find(|s| s.kind == StageKind::Coupled).expect("a coupled stage");
+        let costly = StageSummary {
+            wall_s: 100.0,
+            structure_busy_s: 76.0,
+            flow_busy_s: 10.0,
+            structure_solves: 1400,
+            flow_solves: 100,
+            ..StageSummary::new(stage)
+        };
+        let text = costly.structure_cost().expect("advice");
+        assert!(
+            text.contains("76 % of the wall time in 14.0 solves") && text.contains("\"iqn-ils\""),
+            "{text}"
+        );
+        let others = [
+            StageSummary { structure_solves: 400, ..costly.clone() },
+            StageSummary { flow_busy_s: 77.0, ..costly.clone() },
+            StageSummary { structure_busy_s: 49.0, ..costly.clone() },
+            StageSummary { kind: StageKind::FlowOnly, ..costly },
+        ];
+        assert!(others.iter().all(|s| s.structure_cost().is_none()));
     }
 }

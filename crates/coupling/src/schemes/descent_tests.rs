@@ -117,7 +117,7 @@ fn model(equation: DescentEquation, weight: Weight) -> DescentModel {
 
 fn implicit() -> Coupling {
     Coupling {
-        acceleration: Acceleration::IqnIls,
+        acceleration: Some(Acceleration::IqnIls),
         relaxation: 0.02,
         max_iterations: 60,
         tolerance: 1e-9,
