@@ -10,10 +10,12 @@ mod body_motion;
 mod boundary_values;
 mod canopy;
 mod coupling;
+mod cross;
 mod descent;
 mod fabric;
 mod flow;
 mod flow_grid;
+mod gored;
 mod gust;
 mod immersed;
 mod layout;
@@ -48,14 +50,12 @@ pub use body_motion::{BodyMotion, BodyRotation, Pose, RigidMotion};
 pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
-pub use canopy::{
-    AirBag, Atps, Canopy, CrossCanopy, FlatCanopy, GmshCanopy, GoreProfile, GoreSection, GoredCanopy,
-    PanelCanopy, PanelEdges, StitchedEnd,
-};
+pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
     StaggeredSequence,
 };
+pub use cross::CrossCanopy;
 pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
@@ -64,6 +64,7 @@ pub use flow::{
     Viscosity, WallTreatment,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use gored::{GoreProfile, GoreSection, GoredCanopy};
 pub use gust::{Gust, GustShape};
 pub use immersed::Immersed;
 pub use layout::*;
