@@ -55,6 +55,18 @@ impl Value {
         Self { key, value: four_digits(value), basis: from.basis, figure, source: Some(from.source) }
     }
 
+    /// A value of the paper.
+    fn of_paper(key: &'static str, value: f64) -> Self {
+        Self { key, value, basis: Basis::Paper, figure: String::new(), source: Some(Source::Paper) }
+    }
+
+    /// The secant modulus (Pa) of a stress at break (Pa) and the elongation there (%).
+    fn secant_modulus(stress: f64, elongation: &Published) -> Self {
+        let modulus = stress / (0.01 * elongation.figure);
+        let figure = format!("{} % at break", elongation.figure);
+        Self { basis: Basis::Secant, ..Self::of("youngs_modulus_pa", modulus, figure, elongation) }
+    }
+
     fn follows(key: &'static str, value: f64, basis: Basis) -> Self {
         Self { key, value: four_digits(value), basis, figure: String::new(), source: None }
     }
