@@ -225,14 +225,18 @@ fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     shares
 }
 
-/// Position of the node that carries the payload: the only one off the canopy that is held in all directions.
+/// Position of the payload: of the only node off the canopy that is held in all directions, or the mean of such nodes that are its attachments.
 fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
     if scene.payload_body().is_some() {
         return None;
     }
-    let mut held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);
-    let node = held.next().filter(|_| held.next().is_none())?.0;
-    Some(mesh.coords[node as usize])
+    let held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);
+    let held: Vec<u32> = held.map(|(n, _)| *n).collect();
+    if held.len() > 1 && mesh.node_sets.get("payload") != Some(&held) {
+        return None;
+    }
+    let sum = held.iter().map(|&n| Vec3::from(mesh.coords[n as usize])).reduce(|sum, x| sum + x)?;
+    Some((sum / held.len() as f64).into())
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {

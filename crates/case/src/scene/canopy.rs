@@ -21,9 +21,9 @@ pub enum Canopy {
     /// A flat circular canopy with lines from its rim to one confluence point.
     Circular(FlatCanopy),
     /// A canopy of gores around a crown vent: flat circular, conical, hemispherical, or of sections along the gores (extended skirt, annular, ringslot,
-    /// disk-gap-band), with a line from each seam to one confluence point. A flow needs `[flow.immersed]`.
+    /// disk-gap-band), with a line from each seam to one confluence point, or to those of `[canopy.risers]`. A flow needs `[flow.immersed]`.
     Gored(GoredCanopy),
-    /// A flat cross of two equal panels, arms not stitched, with lines from the ends of the arms to one confluence point. A flow needs `[flow.immersed]`.
+    /// A flat cross of two equal panels, arms not stitched, with lines from the ends of the arms to one confluence point, or to those of `[canopy.risers]`. A flow needs `[flow.immersed]`.
     Cross(CrossCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),

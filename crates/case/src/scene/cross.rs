@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::canopy::{LENGTH, even_cells, line_segments, one};
+use super::canopy_risers::{self, CanopyRisers};
 use crate::check::Check;
 
 /// A flat cross of two equal rectangular panels whose middles overlap in one square layer.
@@ -20,11 +21,13 @@ pub struct CrossCanopy {
     pub cells_along_arm: u32,
     /// Lines from the end of each arm.
     pub lines_per_arm: u32,
-    /// Unstretched length of a line, m.
+    /// Unstretched length of a line from the end of an arm to its confluence point, m.
     pub line_length_m: f64,
     /// Cable elements for each line.
     #[serde(default = "one")]
     pub segments_per_line: u32,
+    /// Confluence points and risers. Absent: all lines run to one point at the payload.
+    pub risers: Option<CanopyRisers>,
 }
 
 /// Refuses crosses that cannot be cut, rigged or meshed.
@@ -36,6 +39,9 @@ pub(super) fn check(x: &CrossCanopy, c: &mut Check) {
     c.count("canopy.cells_along_arm", x.cells_along_arm, 1..=2000, "cells along an arm");
     c.count("canopy.lines_per_arm", x.lines_per_arm, 2..=1000, "lines from the end of an arm");
     line_segments(x.segments_per_line, c);
+    if let Some(r) = &x.risers {
+        canopy_risers::check(r, 4 * x.lines_per_arm, x.line_length_m, x.panel_length_m, c);
+    }
     if x.panel_length_m <= x.panel_width_m {
         c.refuse(
             "canopy.panel_length_m",

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::canopy::{LENGTH, even, line_segments, one};
+use super::canopy_risers::{self, CanopyRisers};
 use crate::check::Check;
 
 /// A canopy of gores: panels from the crown vent to the skirt, sewn along radial seams, each straight across in the constructed shape.
@@ -29,11 +30,13 @@ pub struct GoredCanopy {
     pub cells_per_gore: u32,
     /// Quadrilaterals along a gore, shared by the sections of fabric by their length.
     pub cells_along: u32,
-    /// Unstretched length of a line, m.
+    /// Unstretched length of a line from the skirt to its confluence point, m.
     pub line_length_m: f64,
     /// Cable elements for each line.
     #[serde(default = "one")]
     pub segments_per_line: u32,
+    /// Confluence points and risers. Absent: all lines run to one point at the payload.
+    pub risers: Option<CanopyRisers>,
 }
 
 /// A section of the gores along their middle line. All gores of a canopy have the same sections.
@@ -98,6 +101,9 @@ pub(super) fn check(g: &GoredCanopy, radials: bool, c: &mut Check) {
     even("canopy.cells_per_gore", g.cells_per_gore, 2..=200, "cells across a gore", c);
     c.count("canopy.cells_along", g.cells_along, 2..=2000, "cells along a gore");
     line_segments(g.segments_per_line, c);
+    if let Some(r) = &g.risers {
+        canopy_risers::check(r, g.gores, g.line_length_m, diameter, c);
+    }
     match (g.profile, g.cone_angle_deg) {
         (GoreProfile::Conical, Some(angle)) => {
             c.range(

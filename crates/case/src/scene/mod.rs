@@ -9,6 +9,7 @@ mod accuracy;
 mod body_motion;
 mod boundary_values;
 mod canopy;
+mod canopy_risers;
 mod coupling;
 mod cross;
 mod descent;
@@ -51,6 +52,7 @@ pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
 pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
+pub use canopy_risers::CanopyRisers;
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
     StaggeredSequence,
@@ -259,6 +261,7 @@ fn checked(scene: &Scene) -> Check {
     let mut c = Check::default();
     name(scene, &mut c);
     canopy::check(scene, &mut c);
+    canopy_risers::check_section(scene, &mut c);
     fabric::check(scene, &mut c);
     lines::check(scene, &mut c);
     tapes::check(scene, &mut c);

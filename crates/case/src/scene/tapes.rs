@@ -200,19 +200,12 @@ fn risers(scene: &Scene, c: &mut Check) {
             "add [lines] with their material, or remove [risers]",
         );
     }
-    if matches!(
-        scene.canopy,
-        Canopy::Square(_)
-            | Canopy::Circular(_)
-            | Canopy::Gored(_)
-            | Canopy::Cross(_)
-            | Canopy::Panel(_)
-            | Canopy::AirBag(_)
-    ) {
+    if matches!(scene.canopy, Canopy::Square(_) | Canopy::Circular(_) | Canopy::Panel(_) | Canopy::AirBag(_))
+    {
         c.refuse(
             "risers",
             "a canopy of this kind has no risers",
-            "remove [risers]; the canopy `atps` has them, and a mesh file in its physical group `risers`",
+            "remove [risers]; the canopies `atps`, `gored` and `cross` have them, and a mesh file in its physical group `risers`",
         );
     }
 }

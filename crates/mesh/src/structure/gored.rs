@@ -14,9 +14,9 @@ use std::f64::consts::PI;
 
 use case::{GoreProfile, GoreSection, GoredCanopy, TapePlace, Tapes};
 
+use super::suspension::{Payload, Suspension};
 use super::{positive, refuse};
-use crate::geometry::Point;
-use crate::{CableKind, MeshError, StructureMesh};
+use crate::{MeshError, StructureMesh};
 
 /// Nodes of a canopy of gores: rings from the vent to the skirt.
 pub(super) struct GoreLayout {
@@ -147,7 +147,7 @@ fn scale(sections: &[GoreSection], vent: f64, integral: f64) -> Option<f64> {
 }
 
 /// Fabric, lines and payload.
-pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureMesh, MeshError> {
     let layout = GoreLayout::new(p);
     let mut mesh = StructureMesh::default();
     for [r, z] in rings(p)? {
@@ -174,35 +174,18 @@ pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<Struct
             mesh.push_quad([at(0, 0), at(0, 1), at(1, 1), at(1, 0)], gore as u32, straight);
         }
     }
-    add_lines(p, &layout, payload_mass, &mut mesh)?;
+    let ends: Vec<u32> = (0..layout.gores).map(|gore| layout.seam(gore, layout.along())).collect();
+    let skirt = mesh.coords[ends[0] as usize];
+    Suspension {
+        ends: &ends,
+        reach: (skirt[0].hypot(skirt[1]), "the radius of the skirt"),
+        length: p.line_length_m,
+        segments: p.segments_per_line,
+        risers: p.risers.as_ref(),
+        payload,
+    }
+    .add(&mut mesh)?;
     Ok(mesh)
-}
-
-/// One line from each seam at the skirt to the confluence point below the canopy.
-fn add_lines(
-    p: &GoredCanopy,
-    layout: &GoreLayout,
-    payload_mass: Option<f64>,
-    mesh: &mut StructureMesh,
-) -> Result<(), MeshError> {
-    let length = positive("canopy.line_length_m", p.line_length_m)?;
-    let skirt: Point = mesh.coords[layout.seam(0, layout.along()) as usize];
-    let reach = skirt[0].hypot(skirt[1]);
-    if length <= reach {
-        return Err(refuse(
-            "canopy.line_length_m",
-            length,
-            format!("must exceed {reach:.4} m, the radius of the skirt"),
-        ));
-    }
-    let payload = mesh.push_node([0.0, 0.0, skirt[2] - (length * length - reach * reach).sqrt()]);
-    for gore in 0..layout.gores {
-        let ends = [layout.seam(gore, layout.along()), payload];
-        mesh.push_line(ends, length, p.segments_per_line as usize, CableKind::SuspensionLine, gore as u32);
-    }
-    mesh.fixed.push((payload, [true; 3]));
-    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
-    Ok(())
 }
 
 impl StructureMesh {
@@ -236,7 +219,7 @@ mod tests {
 
     use super::*;
     use crate::structure::tests::scene;
-    use crate::structure_mesh;
+    use crate::{CableKind, structure_mesh};
 
     fn canopy(profile: GoreProfile) -> GoredCanopy {
         GoredCanopy {
@@ -250,6 +233,7 @@ mod tests {
             cells_along: 10,
             line_length_m: 7.0,
             segments_per_line: 1,
+            risers: None,
         }
     }
 
