@@ -128,8 +128,8 @@ fn canopy_risers(t: CanopyType, d: f64) -> String {
 fn risers(t: CanopyType) -> String {
     let Some(_) = t.risers() else { return String::new() };
     let mut text = "[risers]\n".to_owned();
-    text += &key("axial_stiffness_n", "1.2e5", "nylon webbing of 30 kN, 25 % at break");
-    text + &key("mass_kg_m", 0.09, "44 mm wide") + "\n"
+    text += &key("material", "\"pia-w1100-type13\"", "nylon webbing of 7000 lb");
+    text + "\n"
 }
 
 /// A key with its value and a comment.
@@ -241,7 +241,7 @@ fn fabric(t: CanopyType, d: f64, folds: bool) -> String {
 fn tapes(t: CanopyType) -> String {
     let tape = |place: &str, what: &str| {
         format!(
-            "[tapes.{place}]{:pad$} # {what}\naxial_stiffness_n = 1e4\nmass_kg_m = 8e-3\n\n",
+            "[tapes.{place}]{:pad$} # {what}\nmaterial = \"pia-t5038-type3-inch\"\n\n",
             "",
             pad = 20 - place.len()
         )

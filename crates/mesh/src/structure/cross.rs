@@ -100,8 +100,10 @@ mod tests {
     #[test]
     fn cross_is_as_drawn() {
         let mut with = scene(Canopy::Cross(canopy()));
-        with.tapes =
-            Some(Tapes { hem: Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01 }), ..Tapes::default() });
+        with.tapes = Some(Tapes {
+            hem: Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 }),
+            ..Tapes::default()
+        });
         let mesh = structure_mesh(&with).unwrap();
         assert!((mesh.fabric_area(|_| true) - 20.0).abs() < 1e-12);
         assert_eq!(mesh.n_canopy, 25 + 4 * 5 * 5);
