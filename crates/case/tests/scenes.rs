@@ -574,3 +574,30 @@ fn risers_end_at_the_attachments_of_a_body() {
     let error = read(&text.replacen("[[stage]]", body, 1)).expect_err("two places").to_string();
     assert!(error.contains("both place the lower ends of the risers"), "{error}");
 }
+
+/// Fullness is a share of cloth, and one number on an edge that two sections share.
+#[test]
+fn fullness_of_sails_is_checked() {
+    let sizes = "nominal_diameter_m = 8.0\nline_length_m = 7.0\ncells_along = 8\ngores = 24\nprofile = \"sections\"\n";
+    let seams = "[tapes.seams]\nmaterial = \"pia-t5038-type3-inch\"\n";
+    let section = |more: &str| format!("[[canopy.section]]\nlength = 1.0\n{more}\n");
+    let sails = |middle: &str| {
+        sizes.to_owned() + &section("lower_fullness = 0.03") + &section(middle) + &section("") + seams
+    };
+    let two = section("lower_fullness = 0.03") + &section("upper_fullness = 0.03\nlower_fullness = 0.1");
+    let scene = gored(&(sizes.to_owned() + &two)).unwrap_or_else(|e| panic!("{e}"));
+    let case::Canopy::Gored(g) = &scene.canopy else { panic!("gores") };
+    assert_eq!(g.sections.iter().map(|s| s.lower_fullness).collect::<Vec<_>>(), [0.03, 0.1]);
+    gored(&sails("gap = true")).unwrap_or_else(|e| panic!("{e}"));
+    for (middle, message) in [
+        (
+            "upper_fullness = 0.05",
+            "sections 0 and 1 share an edge, and have a fullness of 0.03 and 0.05 there",
+        ),
+        ("upper_fullness = 0.03\nlower_fullness = 5.0", "`canopy.section[1].lower_fullness` is 5"),
+        ("gap = true\nupper_fullness = 0.03", "section 1 is a gap, and has a fullness of 0.03"),
+    ] {
+        let error = gored(&sails(middle)).expect_err(message);
+        assert!(error.contains(message), "{message}: {error}");
+    }
+}

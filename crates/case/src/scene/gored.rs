@@ -40,7 +40,7 @@ pub struct GoredCanopy {
 }
 
 /// A section of the gores along their middle line. All gores of a canopy have the same sections.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GoreSection {
     /// Length along the middle line, in any unit: lengths of all sections are scaled together until the area, openings included, is that of the
@@ -53,6 +53,13 @@ pub struct GoreSection {
     /// An opening without fabric, which radial tapes along the seams (`[tapes.seams]`) bridge.
     #[serde(default)]
     pub gap: bool,
+    /// Fullness of the upper edge of a sail (trailing edge), as a share: 0.05 for an edge that is 5 % longer than the gore is wide there. It varies linearly along
+    /// the section. The area of `nominal_diameter_m` is that of the gores without fullness.
+    #[serde(default)]
+    pub upper_fullness: f64,
+    /// Fullness of the lower edge of a sail (leading edge), as a share.
+    #[serde(default)]
+    pub lower_fullness: f64,
 }
 
 impl GoredCanopy {
@@ -156,7 +163,9 @@ fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
         let range = if k == 0 { 0.0..=80.0 } else { 0.0..=170.0 };
         let what = "degrees below the horizontal: 0 flat, 90 a cylindrical band; the section at the vent has at most 80";
         c.range(&format!("canopy.section[{k}].angle_deg"), s.angle_deg, range, what);
+        fullness(k, s, c);
     }
+    shared_edges(g, c);
     if let (Some(first), Some(last)) = (g.sections.first(), g.sections.last())
         && (first.gap || last.gap)
     {
@@ -180,5 +189,37 @@ fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
             "the canopy has gaps, and no radial tapes hold the parts together",
             "add [tapes.seams] with the axial stiffness and mass of the radials",
         );
+    }
+}
+
+/// Refuses the fullness of a section that no cloth has.
+fn fullness(k: usize, s: &GoreSection, c: &mut Check) {
+    for (key, share) in [("upper_fullness", s.upper_fullness), ("lower_fullness", s.lower_fullness)] {
+        let path = format!("canopy.section[{k}].{key}");
+        c.range(&path, share, 0.0..=0.5, "a share: 0.05 for a fullness of 5 %");
+        if s.gap && share != 0.0 {
+            c.refuse(
+                &path,
+                format!("section {k} is a gap, and has a fullness of {share}"),
+                "remove it: a gap has no cloth",
+            );
+        }
+    }
+}
+
+/// Refuses two values of the fullness on an edge that two sections share.
+fn shared_edges(g: &GoredCanopy, c: &mut Check) {
+    for (k, pair) in g.sections.windows(2).enumerate().filter(|(_, pair)| pair.iter().all(|s| !s.gap)) {
+        let [lower, upper] = [pair[0].lower_fullness, pair[1].upper_fullness];
+        if lower != upper {
+            c.refuse(
+                &format!("canopy.section[{}].upper_fullness", k + 1),
+                format!(
+                    "sections {k} and {} share an edge, and have a fullness of {lower} and {upper} there",
+                    k + 1
+                ),
+                "give both the same, or put a section with `gap = true` between them",
+            );
+        }
     }
 }

@@ -9,11 +9,14 @@
 //! S_0 = \tfrac{\pi}{4} D_0^2 = N \int w\, ds = 2 N \tan(\pi / N) \int r\, ds
 //! ```
 //! The vent counts as the first section continued to the axis.
+//!
+//! Sails with fullness ([`fullness`]) are straight across only at their seams.
 
 use std::f64::consts::PI;
 
 use case::{GoreProfile, GoreSection, GoredCanopy, TapePlace, Tapes};
 
+use super::fullness;
 use super::suspension::{Payload, Suspension};
 use super::{positive, refuse};
 use crate::{MeshError, StructureMesh};
@@ -66,7 +69,11 @@ impl GoreLayout {
 fn sections(p: &GoredCanopy) -> Vec<GoreSection> {
     match p.profile {
         GoreProfile::Sections => p.sections.clone(),
-        _ => vec![GoreSection { length: 1.0, angle_deg: p.cone_angle_deg.unwrap_or(0.0), gap: false }],
+        _ => vec![GoreSection {
+            length: 1.0,
+            angle_deg: p.cone_angle_deg.unwrap_or(0.0),
+            ..GoreSection::default()
+        }],
     }
 }
 
@@ -150,7 +157,8 @@ fn scale(sections: &[GoreSection], vent: f64, integral: f64) -> Option<f64> {
 pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureMesh, MeshError> {
     let layout = GoreLayout::new(p);
     let mut mesh = StructureMesh::default();
-    for [r, z] in rings(p)? {
+    let sails = fullness::edges(&sections(p), &cells(&sections(p), p.cells_along as usize));
+    for (ring, [r, z]) in rings(p)?.into_iter().enumerate() {
         // Seams are as far from the axis as the corners of a polygon, the cloth between them is straight.
         let corner = |gore: usize| {
             let angle = 2.0 * PI * gore as f64 / layout.gores as f64;
@@ -158,6 +166,11 @@ pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureM
         };
         for gore in 0..layout.gores {
             let [a, b] = [corner(gore), corner(gore + 1)];
+            if let Some(edge) = sails.get(ring).filter(|e| e.fullness > 0.0) {
+                let [a, b] = [a, b].map(|x| [x[0], x[1], z]);
+                mesh.coords.extend(edge.nodes(a, b, layout.across));
+                continue;
+            }
             for i in 0..layout.across {
                 let t = i as f64 / layout.across as f64;
                 mesh.coords.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
@@ -329,7 +342,8 @@ mod tests {
     /// area includes vent and gap. Dimensions of the parachute of Tianwen-1 (D0 15.96 m, disk 11.53 m, vent 1.12 m, gap 0.69 m, band 1.94 m).
     #[test]
     fn sections_with_a_gap_make_a_disk_gap_band() {
-        let section = |length, angle_deg, gap| GoreSection { length, angle_deg, gap };
+        let section =
+            |length, angle_deg, gap| GoreSection { length, angle_deg, gap, ..GoreSection::default() };
         let p = GoredCanopy {
             profile: GoreProfile::Sections,
             sections: vec![
@@ -373,7 +387,7 @@ mod tests {
     /// An extended skirt: the widest ring is where the skirt begins, which runs inwards. Cells go by length.
     #[test]
     fn extended_skirt_runs_inwards() {
-        let section = |length, angle_deg| GoreSection { length, angle_deg, gap: false };
+        let section = |length, angle_deg| GoreSection { length, angle_deg, ..GoreSection::default() };
         let p = GoredCanopy {
             profile: GoreProfile::Sections,
             sections: vec![section(4.0, 0.0), section(0.4, 120.0)],

@@ -3,6 +3,7 @@
 mod atps;
 mod cross;
 mod flat;
+mod fullness;
 mod gmsh;
 mod gored;
 mod hung_mass;
