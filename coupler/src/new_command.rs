@@ -22,7 +22,7 @@ pub struct NewArgs {
     /// Speed of the air, m/s: at which the canopy begins to open, or of the wind tunnel [default: 20; wind tunnel 6]
     #[arg(long, value_name = "M/S", value_parser = from(0.1, 100.0))]
     speed: Option<f64>,
-    /// Hold the confluence point in a steady wind, for the settled drag, instead of an opening with a payload
+    /// Hold the payload in a steady wind, for the settled drag, instead of an opening with a payload
     #[arg(long, conflicts_with = "payload")]
     wind_tunnel: bool,
     /// The scene file [default: TYPE.toml in the current folder]; `-` prints it

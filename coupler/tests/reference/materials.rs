@@ -1,13 +1,13 @@
-//! `docs/reference/materials.md`: fabrics and lines of the library with the source of each value.
+//! `docs/reference/materials.md`: fabrics, lines and tapes of the library with the source of each value.
 
 use case::materials::{Entry, Source};
-use case::{FabricMaterial, LineMaterial};
+use case::{FabricMaterial, LineMaterial, TapeMaterial};
 
 use super::markdown::{compare_or_write, head, inline, table};
 use super::units::unit;
 
 const INTRODUCTION: &str = "\
-`material` in `[fabric]`, `[lines]` or `[risers]` names an entry of this page. The entry gives the keys of the section that the scene leaves \
+`material` in `[fabric]`, `[lines]`, `[risers]` or a table of `[tapes]` names an entry of this page. The entry gives the keys of the section that the scene leaves \
 out; keys that the scene gives have priority. `ripstop check` then judges the numbers as if they were written in the scene.
 
 ```toml
@@ -31,8 +31,9 @@ the difference is less than 8 %. Real cloth and braid are not linear.
 - **Poisson's ratio** is 0.3 for all fabrics, an assumption. `wrinkling` is on. No entry is orthotropic: shear moduli were not found.
 - **Permeability** in cubic feet a minute through a square foot (cfm) holds at half an inch of water and gives the viscous coefficient only. A \
 scene without `[flow]` gets none.
-- **Risers** have the axial stiffness (modulus times area), the mass for each metre and the strength of one line of the entry. Tapes take no \
-`material`.
+- **Risers** have the axial stiffness (modulus times area), the mass for each metre and the strength of one line or one webbing of the entry.
+- **Tapes** take axial stiffness and mass of an entry. Their tension is no column of the history and has no estimate before the run: no safety factor \
+is stated, and `[tapes]` has no strength.
 - **Strength** is that of new material without seams, knots and wear. [Safety factors](checks.md#strengthsafety-factor) compare it with the run.
 
 1 oz/yd² = 33.906 g/m², 1 lb/in = 175.13 N/m, 1 lb = 4.4482 N, 1 ft/lb stands for 1.4882 kg/m over the figure, 1 cfm/ft² = 0.00508 m/s, \
@@ -72,6 +73,8 @@ fn page() -> String {
     FabricMaterial::ALL.iter().for_each(|m| section(&m.entry(), &mut text));
     text += "\n## Lines\n";
     LineMaterial::ALL.iter().for_each(|m| section(&m.entry(), &mut text));
+    text += "\n## Tapes and webbings\n";
+    TapeMaterial::ALL.iter().for_each(|m| section(&m.entry(), &mut text));
     text += "\n## Sources\n\n";
     for source in Source::ALL {
         text += &format!("{}. {}.\n", source.number(), capital(source.text()));
@@ -87,11 +90,13 @@ fn page_of_materials_is_generated_from_the_code() {
 /// Each source of the page is that of a value, and a value that was not opened says so.
 #[test]
 fn every_source_is_used() {
-    let entries =
-        FabricMaterial::ALL.iter().map(|m| m.entry()).chain(LineMaterial::ALL.iter().map(|m| m.entry()));
+    let fabrics = FabricMaterial::ALL.iter().map(|m| m.entry());
+    let entries = fabrics
+        .chain(LineMaterial::ALL.iter().map(|m| m.entry()))
+        .chain(TapeMaterial::ALL.iter().map(|m| m.entry()));
     let used: Vec<Source> = entries.flat_map(|e| e.values).filter_map(|v| v.source).collect();
     for source in Source::ALL {
         assert!(used.contains(&source), "{source:?}");
     }
-    assert!(page().contains("18. From memory, not opened"));
+    assert!(page().contains("20. From memory, not opened"));
 }

@@ -50,6 +50,20 @@ pub struct HandbookFigures {
     pub filling_constant: Option<f64>,
 }
 
+/// Risers of a type: their number, which divides the lines into groups of equal size, and their sizes over the nominal diameter. Of personnel parachutes, whose risers are 0.76 m
+/// long; quoted from memory, no drawing was opened.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RiserFigures {
+    /// Number of risers and of confluence points.
+    pub count: u32,
+    /// Length of a riser over the nominal diameter.
+    pub length: f64,
+    /// Diameter of the circle of the attachments at the payload over the nominal diameter: the width of shoulders, 0.3 m.
+    pub spread: f64,
+    /// The parachute whose they are.
+    pub of: &'static str,
+}
+
 impl CanopyType {
     /// All of them, in the order of the reference.
     pub const ALL: [CanopyType; 12] = [
@@ -88,11 +102,13 @@ impl CanopyType {
     /// What it is, and what its scene simplifies.
     pub fn description(self) -> &'static str {
         match self {
-            CanopyType::FlatCircular => "triangular gores in one plane, crown vent of 1 % of the area",
+            CanopyType::FlatCircular => {
+                "triangular gores in one plane, crown vent of 1 % of the area, four risers"
+            }
             CanopyType::Conical => "gores 20 degrees below the horizontal",
             CanopyType::Hemispherical => "gores along a quarter of a circle",
             CanopyType::ExtendedSkirt => {
-                "a flat disk and a skirt of a tenth of its diameter that keeps the width of the gores"
+                "a flat disk and a skirt of a tenth of its diameter that keeps the width of the gores, four risers"
             }
             CanopyType::Annular => {
                 "a flat ring whose opening has 40 % of the nominal diameter; its middle is not pulled down by lines"
@@ -138,6 +154,21 @@ impl CanopyType {
             CanopyType::DiskGapBand => figures(0.52, 0.58, Some(1.3), None),
             CanopyType::Cross => figures(0.60, 0.85, Some(1.2), Some(11.7)),
             CanopyType::Square | CanopyType::Atps => None,
+        }
+    }
+
+    /// Risers, where parachutes of the type usually have them; `None`: all lines of the scene run to one point.
+    pub fn risers(self) -> Option<RiserFigures> {
+        let four = |diameter: f64, of| RiserFigures {
+            count: 4,
+            length: 0.76 / diameter,
+            spread: 0.3 / diameter,
+            of,
+        };
+        match self {
+            CanopyType::FlatCircular => Some(four(8.53, "C-9: 28 lines in groups of 7")),
+            CanopyType::ExtendedSkirt => Some(four(10.67, "T-10, whose 30 lines are in groups of 7 and 8")),
+            _ => None,
         }
     }
 

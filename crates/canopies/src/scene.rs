@@ -23,7 +23,7 @@ pub struct SceneSizes {
 pub enum Experiment {
     /// The canopy opens from its gathered, line-stretched state and descends with its payload.
     Opening,
-    /// The confluence point is held in a steady wind: settled drag of the open canopy.
+    /// The payload's point is held in a steady wind: settled drag of the open canopy.
     WindTunnel,
 }
 
@@ -104,10 +104,32 @@ fn head(t: CanopyType, sizes: &SceneSizes) -> String {
     text
 }
 
-/// Gores of a canopy of the nominal diameter d (m): about 3.3 a metre, as the 28 of the C-9 (8.53 m).
-fn gores(d: f64) -> u32 {
-    let even = 2 * (1.65 * d).round() as u32;
-    even.clamp(12, 120)
+/// Gores of a canopy of the nominal diameter d (m): about 3.3 a metre, as the 28 of the C-9 (8.53 m); an even number that its risers divide.
+fn gores(t: CanopyType, d: f64) -> u32 {
+    let step = t.risers().map_or(2, |r| r.count);
+    let gores = step * (3.3 * d / f64::from(step)).round() as u32;
+    gores.clamp(12, 120)
+}
+
+/// Confluence points and risers of a type that has them.
+fn canopy_risers(t: CanopyType, d: f64) -> String {
+    let Some(r) = t.risers() else { return String::new() };
+    let mut text = "\n[canopy.risers]\n".to_owned();
+    text += &key("count", r.count, &format!("as the {}", r.of));
+    text += &key(
+        "length_m",
+        digits(r.length * d),
+        "from the confluence point of a group of lines to the payload",
+    );
+    text + &key("spread_m", digits(r.spread * d), "between opposite attachments at the payload")
+}
+
+/// The section of risers.
+fn risers(t: CanopyType) -> String {
+    let Some(_) = t.risers() else { return String::new() };
+    let mut text = "[risers]\n".to_owned();
+    text += &key("material", "\"pia-w1100-type13\"", "nylon webbing of 7000 lb");
+    text + "\n"
 }
 
 /// A key with its value and a comment.
@@ -121,13 +143,14 @@ fn canopy(t: CanopyType, d: f64) -> String {
         text += &format!("profile = \"{profile}\"\n");
         text +=
             &key("nominal_diameter_m", digits(d), "D0: circle with the area of all gores, openings included");
-        text += &key("gores", gores(d), "and as many lines");
+        text += &key("gores", gores(t, d), "and as many lines");
         text += &key("vent_diameter_m", digits(vent * d), "crown vent");
         text += &key("cells_per_gore", 2, "quadrilaterals across a gore");
         text += &key("cells_along", cells, "and along it");
         text += &key("line_length_m", digits(lines * d), "from the skirt to the confluence point");
         text += "segments_per_line = 2\n";
-        format!("{text}{more}\n")
+        let (keys, sections) = if more.starts_with('\n') { ("", more) } else { (more, "") };
+        format!("{text}{keys}{}{sections}\n", canopy_risers(t, d))
     };
     let section = |length: f64, angle: f64, gap: bool| {
         let gap = if gap { "gap = true\n" } else { "" };
@@ -212,13 +235,13 @@ fn fabric(t: CanopyType, d: f64, folds: bool) -> String {
         text += &format!("\n[fabric.contact]\n{}", key("distance_m", digits(0.0024 * d), "layers keep it"));
     }
     text += "\n[lines]\n";
-    text + &key("material", "\"pia-c5040-type3\"", "nylon cord of 550 lb") + "\n"
+    text + &key("material", "\"pia-c5040-type3\"", "nylon cord of 550 lb") + "\n" + &risers(t)
 }
 
 fn tapes(t: CanopyType) -> String {
     let tape = |place: &str, what: &str| {
         format!(
-            "[tapes.{place}]{:pad$} # {what}\naxial_stiffness_n = 1e4\nmass_kg_m = 8e-3\n\n",
+            "[tapes.{place}]{:pad$} # {what}\nmaterial = \"pia-t5038-type3-inch\"\n\n",
             "",
             pad = 20 - place.len()
         )
@@ -294,7 +317,7 @@ fn gather(t: CanopyType, d: f64, v: f64) -> (f64, f64) {
         CanopyType::Cross => 7 * 7 + 4 * 7 * 8,
         CanopyType::Square => 17 * 17,
         CanopyType::Atps => 11 * 11 + 4 * 10 * 8,
-        _ => gores(d) * 2 * 12,
+        _ => gores(t, d) * 2 * 12,
     };
     // The speed at which damping balances the force, and twice the way that lines have from a cone to the axis.
     let speed = force / (DAMPING * AREAL_MASS * nominal_area(d));
@@ -360,7 +383,7 @@ substeps = 20
     )
 }
 
-/// Stages of a wind tunnel: the confluence point held in a steady wind until the wake has settled.
+/// Stages of a wind tunnel: the payload's point held in a steady wind until the wake has settled.
 fn wind_tunnel(t: CanopyType, d: f64, v: f64) -> String {
     // The free edges of a cross have no equilibrium under a uniform pressure.
     let solve = match t {
@@ -453,6 +476,10 @@ mod tests {
                     (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
                 })
                 .sum();
+            let risers = t.risers().map(|r| (r.count, r.length * d));
+            let built = parsed.canopy.risers().map(|r| (r.count, r.length_m));
+            let near = |(a, b): ((u32, f64), (u32, f64))| a.0 == b.0 && (a.1 / b.1 - 1.0).abs() < 1e-3;
+            assert!(risers.is_some() == built.is_some() && risers.zip(built).is_none_or(near), "{t:?} {d}");
             let reefing = parsed.reefing[0].length_m / around;
             assert!((reefing / 0.15 - 1.0).abs() < 0.06, "{t:?} {d}: {reefing} of {around}");
         }

@@ -20,7 +20,7 @@ pub use boundaries::{Jump, jumps};
 pub use check::Allowed;
 pub use error::{Problem, SceneError};
 pub use formula::{Formula, FormulaError};
-pub use materials::{FabricMaterial, LineMaterial};
+pub use materials::{FabricMaterial, LineMaterial, RiserMaterial, TapeMaterial};
 pub use overrides::{NotATable, Override, parse_overridden, set_value};
 pub use place::{place_of, with_absolute_paths};
 pub use renamed::{Renamed, current_path, current_value, renamed, replacement};

@@ -1,9 +1,9 @@
-//! `material` of `[fabric]`, `[lines]` and `[risers]`, strengths, and the units of permeability.
+//! `material` of `[fabric]`, `[lines]`, `[risers]` and `[tapes]`, strengths, and the units of permeability.
 
 use std::path::Path;
 
 use case::materials::{Entry, Source};
-use case::{FabricMaterial, LineMaterial, Permeability, Scene, SceneError};
+use case::{FabricMaterial, LineMaterial, Permeability, RiserMaterial, Scene, SceneError, TapeMaterial};
 
 const ATPS: &str = include_str!("../../../cases/atps-descent/scene.toml");
 const FABRIC: &str = "youngs_modulus_pa = 9.5648e6\npoisson_ratio = 0.3          # not given in the paper\nthickness_m = 3.048e-5\n\
@@ -51,7 +51,7 @@ fn every_entry_is_a_valid_material() {
         let section = format!("material = \"{}\"", material.name());
         let scene = scene(FABRIC, &section, &format!("[risers]\n{section}\n"));
         let (l, r) = (scene.lines.as_ref().expect("lines"), scene.risers.as_ref().expect("risers"));
-        assert_eq!((l.material, r.material), (Some(material), Some(material)));
+        assert_eq!((l.material, r.material), (Some(material), Some(RiserMaterial::Line(material))));
         assert_eq!(l.strength_n, r.strength_n);
         assert!(near(r.axial_stiffness_n, l.youngs_modulus_pa * l.area_m2, 1e-3), "{r:?}");
         assert!(near(r.mass_kg_m, l.density_kg_m3 * l.area_m2, 1e-3), "{r:?}");
@@ -80,6 +80,51 @@ fn entries_are_complete() {
         let needed = ["youngs_modulus_pa", "area_m2", "density_kg_m3"];
         complete(&m.entry(), m.name(), serde_json::to_string(&m).expect("JSON"), &needed);
     }
+    for m in TapeMaterial::ALL {
+        let needed = ["axial_stiffness_n", "mass_kg_m", "strength_n"];
+        complete(&m.entry(), m.name(), serde_json::to_string(&m).expect("JSON"), &needed);
+    }
+}
+
+/// Every tape gives stiffness and mass to tapes at all places, and strength too to risers; other keys stay those of the scene.
+#[test]
+fn tapes_and_webbings_give_tapes_and_risers() {
+    for material in TapeMaterial::ALL {
+        let name = format!("material = \"{}\"\n", material.name());
+        let tapes = format!(
+            "[tapes.hem]\n{name}[tapes.vents]\n{name}mass_kg_m = 0.5\n[tapes.grid]\n{name}spacing_m = 0.3\n"
+        );
+        let scene = scene(FABRIC, LINES, &format!("{tapes}[risers]\n{name}"));
+        let (t, r) = (scene.tapes.as_ref().expect("tapes"), scene.risers.as_ref().expect("risers"));
+        let (entry, hem, vents, grid) =
+            (material.entry(), t.hem.expect("a hem"), t.vents.expect("vents"), t.grid.expect("a grid"));
+        let (stiffness, mass) = (entry.get("axial_stiffness_n"), entry.get("mass_kg_m"));
+        assert_eq!(
+            (hem.material, Some(hem.axial_stiffness_n), Some(hem.mass_kg_m)),
+            (Some(material), stiffness, mass)
+        );
+        assert_eq!((Some(vents.axial_stiffness_n), vents.mass_kg_m), (stiffness, 0.5));
+        assert_eq!(
+            (Some(grid.axial_stiffness_n), Some(grid.mass_kg_m), grid.spacing_m),
+            (stiffness, mass, 0.3)
+        );
+        assert_eq!(r.material, Some(RiserMaterial::Webbing(material)));
+        assert_eq!((Some(r.axial_stiffness_n), Some(r.mass_kg_m)), (stiffness, mass));
+        assert!(r.strength_n.is_some() && r.strength_n == entry.get("strength_n"));
+        let again = read(&toml::to_string(&scene).expect("TOML")).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((again.tapes, again.risers), (scene.tapes, scene.risers));
+    }
+    let without_spacing = refused(FABRIC, LINES, "[tapes.grid]\nmaterial = \"mil-t8363-type1\"\n");
+    assert!(without_spacing.contains("spacing_m"), "{without_spacing}");
+    let without_mass = refused(FABRIC, LINES, "[tapes.hem]\naxial_stiffness_n = 1e4\n");
+    assert!(without_mass.contains("mass_kg_m"), "{without_mass}");
+    let a_line = refused(FABRIC, LINES, "[tapes.hem]\nmaterial = \"pia-c5040-type3\"\n");
+    assert!(a_line.contains("`tapes.hem.material` is \"pia-c5040-type3\", which does not exist"), "{a_line}");
+    let misspelt = refused(FABRIC, LINES, "[risers]\nmaterial = \"pia-w1100-type12\"\n");
+    assert!(
+        misspelt.contains("one of: pia-c5040-type1, ") && misspelt.contains("pia-w1100-type13"),
+        "{misspelt}"
+    );
 }
 
 /// Values of the specifications, by hand: 1 oz/yd2 = 33.906 g/m2, 1 lb/in = 175.13 N/m, 1 lb = 4.4482 N, 225 ft/lb = 6.614 g/m.
@@ -100,6 +145,13 @@ fn published_units_are_converted() {
     let s = LineMaterial::Spectra725.entry();
     let get = |key: &str| s.get(key).expect("a value");
     assert!(near(get("area_m2") * get("density_kg_m3"), 3224.96 / 1.479e6, 1e-3));
+    // 1.62 oz/yd are 50.23 g/m; 4000 lb at 20 %.
+    let t = TapeMaterial::PiaW4088Type8.entry();
+    let get = |key: &str| t.get(key).expect("a value");
+    assert!(near(get("mass_kg_m"), 0.05023, 1e-3) && near(get("axial_stiffness_n"), 88_964.0, 1e-3));
+    // 7000 lb at 0.346 N/tex: 90 g/m, 2.90 oz/yd.
+    let t = TapeMaterial::PiaW1100Type13.entry();
+    assert!(near(t.get("mass_kg_m").expect("a mass"), 2.90 * 0.031_003, 2e-3));
 }
 
 #[test]

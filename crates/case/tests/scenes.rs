@@ -536,3 +536,74 @@ fn gores_are_checked() {
         assert!(error.contains(message), "{more}: {error}");
     }
 }
+
+/// Risers of gores and crosses: their number divides the lines, they have a section, and one place of their lower ends.
+#[test]
+fn risers_of_canopies_are_checked() {
+    const SECTION: &str = "[risers]\naxial_stiffness_n = 1e5\nmass_kg_m = 0.05\n";
+    let sizes = "nominal_diameter_m = 8.0\nline_length_m = 7.0\ncells_along = 8\ngores = 24\n";
+    let risers = |keys: &str| format!("{sizes}[canopy.risers]\n{keys}\n");
+    let four = risers("count = 4\nlength_m = 0.9");
+    let scene = gored(&(four.clone() + SECTION)).unwrap_or_else(|e| panic!("{e}"));
+    let r = scene.canopy.risers().expect("risers");
+    assert_eq!((r.count, r.length_m, r.spread_m), (4, 0.9, 0.0));
+    for (text, message) in [
+        (risers("count = 5\nlength_m = 0.9") + SECTION, "24 lines cannot be shared by 5 risers"),
+        (
+            risers("count = 5\nlength_m = 0.9") + SECTION,
+            "use a number that divides the lines: 1, 2, 3, 4, 6, 8, 12",
+        ),
+        (risers("count = 0\nlength_m = 0.9") + SECTION, "`canopy.risers.count` is 0"),
+        (risers("count = 4\nlength_m = 7.5") + SECTION, "risers of 7.5 m are as long as the lines (7 m)"),
+        (risers("count = 4\nlength_m = 0.9\nspread_m = 9.0") + SECTION, "`canopy.risers.spread_m` is 9"),
+        (risers("count = 1\nlength_m = 0.9\nspread_m = 0.3") + SECTION, "one riser has no attachment points"),
+        (risers("count = 4") + SECTION, "length_m"),
+        (four, "the scene has 4 risers but no [risers]"),
+        (sizes.to_owned() + SECTION, "all lines run to one point"),
+    ] {
+        let error = gored(&text).expect_err(message);
+        assert!(error.contains(message), "{message}: {error}");
+    }
+    let cross = "panel_width_m = 2.0\npanel_length_m = 6.0\ncells_across = 4\ncells_along_arm = 5\nlines_per_arm = 3\nline_length_m = 7.0\n";
+    let error = immersed("cross", &format!("{cross}[canopy.risers]\ncount = 5\nlength_m = 0.9\n{SECTION}"));
+    assert!(error.expect_err("five").contains("12 lines cannot be shared by 5 risers"));
+}
+
+/// The attachments of a body are the only place of the lower ends of the risers.
+#[test]
+fn risers_end_at_the_attachments_of_a_body() {
+    let text = include_str!("../../../coupler/tests/reference/examples/gored.toml");
+    let spread = read(text).unwrap_or_else(|e| panic!("{e}")).canopy.risers().expect("risers").spread_m;
+    assert!(spread > 0.0);
+    let body =
+        "[descent.body]\ninertia_kg_m2 = [3.0, 3.0, 4.0]\nattachments_m = [[0.0, 0.0, 0.4]]\n\n[[stage]]";
+    let error = read(&text.replacen("[[stage]]", body, 1)).expect_err("two places").to_string();
+    assert!(error.contains("both place the lower ends of the risers"), "{error}");
+}
+
+/// Fullness is a share of cloth, and one number on an edge that two sections share.
+#[test]
+fn fullness_of_sails_is_checked() {
+    let sizes = "nominal_diameter_m = 8.0\nline_length_m = 7.0\ncells_along = 8\ngores = 24\nprofile = \"sections\"\n";
+    let seams = "[tapes.seams]\nmaterial = \"pia-t5038-type3-inch\"\n";
+    let section = |more: &str| format!("[[canopy.section]]\nlength = 1.0\n{more}\n");
+    let sails = |middle: &str| {
+        sizes.to_owned() + &section("lower_fullness = 0.03") + &section(middle) + &section("") + seams
+    };
+    let two = section("lower_fullness = 0.03") + &section("upper_fullness = 0.03\nlower_fullness = 0.1");
+    let scene = gored(&(sizes.to_owned() + &two)).unwrap_or_else(|e| panic!("{e}"));
+    let case::Canopy::Gored(g) = &scene.canopy else { panic!("gores") };
+    assert_eq!(g.sections.iter().map(|s| s.lower_fullness).collect::<Vec<_>>(), [0.03, 0.1]);
+    gored(&sails("gap = true")).unwrap_or_else(|e| panic!("{e}"));
+    for (middle, message) in [
+        (
+            "upper_fullness = 0.05",
+            "sections 0 and 1 share an edge, and have a fullness of 0.03 and 0.05 there",
+        ),
+        ("upper_fullness = 0.03\nlower_fullness = 5.0", "`canopy.section[1].lower_fullness` is 5"),
+        ("gap = true\nupper_fullness = 0.03", "section 1 is a gap, and has a fullness of 0.03"),
+    ] {
+        let error = gored(&sails(middle)).expect_err(message);
+        assert!(error.contains(message), "{message}: {error}");
+    }
+}

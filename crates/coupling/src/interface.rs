@@ -225,14 +225,18 @@ fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
     shares
 }
 
-/// Position of the node that carries the payload: the only one off the canopy that is held in all directions.
+/// Position of the payload: of the only node off the canopy that is held in all directions, or the mean of such nodes that are its attachments.
 fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
     if scene.payload_body().is_some() {
         return None;
     }
-    let mut held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);
-    let node = held.next().filter(|_| held.next().is_none())?.0;
-    Some(mesh.coords[node as usize])
+    let held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);
+    let held: Vec<u32> = held.map(|(n, _)| *n).collect();
+    if held.len() > 1 && mesh.node_sets.get("payload") != Some(&held) {
+        return None;
+    }
+    let sum = held.iter().map(|&n| Vec3::from(mesh.coords[n as usize])).reduce(|sum, x| sum + x)?;
+    Some((sum / held.len() as f64).into())
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
@@ -374,8 +378,8 @@ mod tests {
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let mut scene = case::load(&file).expect("a scene");
         let plain = CanopyInterface::new(&scene).expect("a canopy").masses;
-        let hem = case::Tape { axial_stiffness_n: 1e3, mass_kg_m: 1e-3 };
-        let grid = case::TapeGrid { axial_stiffness_n: 1e3, mass_kg_m: 4e-3, spacing_m: 0.5 };
+        let hem = case::Tape { material: None, axial_stiffness_n: 1e3, mass_kg_m: 1e-3 };
+        let grid = case::TapeGrid { material: None, axial_stiffness_n: 1e3, mass_kg_m: 4e-3, spacing_m: 0.5 };
         scene.tapes = Some(case::Tapes { hem: Some(hem), grid: Some(grid), ..case::Tapes::default() });
         scene.risers = Some(case::Risers { axial_stiffness_n: 1e4, mass_kg_m: 2e-3, ..Default::default() });
         let masses = CanopyInterface::new(&scene).expect("a canopy").masses;

@@ -116,7 +116,7 @@ fn tensions_are_in_the_order_of_the_cables() {
     let mut scene = case::load(&file).expect("a scene");
     let plain = assembled(&scene);
     scene.risers = Some(case::Risers { axial_stiffness_n: 3e3, mass_kg_m: 5e-3, ..Default::default() });
-    let tape = case::Tape { axial_stiffness_n: 700.0, mass_kg_m: 1e-3 };
+    let tape = case::Tape { material: None, axial_stiffness_n: 700.0, mass_kg_m: 1e-3 };
     scene.tapes = Some(case::Tapes { hem: Some(tape), vents: Some(tape), ..case::Tapes::default() });
     let taped = assembled(&scene);
     let stretched =
@@ -148,6 +148,7 @@ fn former_reinforcements_are_tapes_with_the_section_of_the_lines() {
     a.reinforcements = true;
     let lines = tapes.lines.as_ref().expect("lines");
     let tape = Some(case::Tape {
+        material: None,
         axial_stiffness_n: lines.youngs_modulus_pa * lines.area_m2,
         mass_kg_m: lines.density_kg_m3 * lines.area_m2,
     });

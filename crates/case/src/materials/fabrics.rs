@@ -3,9 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Basis::{
-    Assumed, Estimate, MiddleOfRange, Paper, Secant, SpecifiedMaximum, SpecifiedMinimum, Typical,
-};
+use super::Basis::{Assumed, Estimate, MiddleOfRange, SpecifiedMaximum, SpecifiedMinimum, Typical};
 use super::{Entry, LB_IN, OZ_YD2, Published, Source, Value, published};
 
 /// Fabrics of the library, with sources in the reference of materials.
@@ -223,18 +221,13 @@ impl Cloth {
         let areal = self.oz_yd2.figure * OZ_YD2;
         let thickness = areal / NYLON.figure;
         let strength = self.lb_in.figure * LB_IN;
-        let modulus = strength / (0.01 * self.elongation.figure) / thickness;
         let weight = format!("{} oz/yd²", self.oz_yd2.figure);
         let mut values = vec![
             Value::of("density_kg_m3", NYLON.figure, "1.14 g/cm³".into(), &NYLON),
             Value::of("thickness_m", thickness, weight, &self.oz_yd2),
             Value::of("strength_n_m", strength, format!("{} lb/in", self.lb_in.figure), &self.lb_in),
         ];
-        let broken = format!("{} % at break", self.elongation.figure);
-        values.push(Value {
-            basis: Secant,
-            ..Value::of("youngs_modulus_pa", modulus, broken, &self.elongation)
-        });
+        values.push(Value::secant_modulus(strength / thickness, &self.elongation));
         values.push(Value::follows("poisson_ratio", POISSON, Assumed));
         values.extend(self.air.values());
         Entry { name: self.material.name(), title: self.title, values, note: self.note }
@@ -270,15 +263,7 @@ fn light_nylon() -> Entry {
         Value::of("thickness_m", thickness, "0.001 in as woven".into(), &inch),
         Value::of("density_kg_m3", areal.figure / thickness, "20.46 g/m²".into(), &areal),
         Value::follows("strength_n_m", strength, Estimate),
-        Value {
-            basis: Secant,
-            ..Value::of(
-                "youngs_modulus_pa",
-                strength / 0.2 / thickness,
-                "20 % at break".into(),
-                &published(20.0, SpecifiedMinimum, Source::Mit),
-            )
-        },
+        Value::secant_modulus(strength / thickness, &NYLON_20),
         Value::follows("poisson_ratio", POISSON, Assumed),
     ];
     Entry {
@@ -290,17 +275,10 @@ fn light_nylon() -> Entry {
 }
 
 fn atps_paper() -> Entry {
-    let given = |key, value: f64| Value {
-        key,
-        value,
-        basis: Paper,
-        figure: String::new(),
-        source: Some(Source::Paper),
-    };
     let values = vec![
-        given("youngs_modulus_pa", 9.5648e6),
-        given("thickness_m", 3.048e-5),
-        given("density_kg_m3", 1223.5093),
+        Value::of_paper("youngs_modulus_pa", 9.5648e6),
+        Value::of_paper("thickness_m", 3.048e-5),
+        Value::of_paper("density_kg_m3", 1223.5093),
         Value::follows("poisson_ratio", POISSON, Assumed),
     ];
     Entry {

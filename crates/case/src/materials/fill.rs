@@ -10,7 +10,8 @@ use serde_json::{Value, json};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{FabricMaterial, LineMaterial};
+use super::{FabricMaterial, LineMaterial, RiserMaterial, TapeMaterial};
+use crate::TapePlace;
 
 /// Keys that the library gives, as TOML, by section and name of the material.
 static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLock::new(|| {
@@ -25,8 +26,19 @@ static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLoc
     for material in LineMaterial::ALL {
         let lines = material.entry().values.iter().map(|v| format!("{} = {:e}\n", v.key, v.value)).collect();
         all.insert(("lines", material.name()), lines);
-        let risers = material.riser_values().iter().map(|(key, v)| format!("{key} = {v:e}\n")).collect();
+    }
+    for material in RiserMaterial::all() {
+        let risers = material.values().iter().map(|(key, v)| format!("{key} = {v:e}\n")).collect();
         all.insert(("risers", material.name()), risers);
+    }
+    for material in TapeMaterial::ALL {
+        // Strength is no key of a tape: no run compares it.
+        let entry = material.entry();
+        let values = entry.values.iter().filter(|v| v.key != "strength_n");
+        all.insert(
+            ("tapes", material.name()),
+            values.map(|v| format!("{} = {:e}\n", v.key, v.value)).collect(),
+        );
     }
     all
 });
@@ -36,17 +48,36 @@ static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLoc
 pub(crate) fn fill(document: &mut DeTable<'_>) {
     let has_flow = document.contains_key("flow");
     for section in ["fabric", "lines", "risers"] {
-        let Some(table) = document.get_mut(section) else { continue };
-        let DeValue::Table(table) = table.get_mut() else { continue };
-        let Some(material) = table.get("material") else { continue };
-        let place = material.span();
-        let Some(text) = material.get_ref().as_str().and_then(|name| text(section, name)) else { continue };
-        let Ok(given) = DeTable::parse(text) else { continue };
-        for (key, value) in given.into_inner() {
-            let name: &str = key.get_ref();
-            if !table.contains_key(name) && (has_flow || name != "permeability") {
-                table.insert(Spanned::new(place.clone(), key.into_inner()), placed(value, &place));
+        if let Some(table) = table_of(document, section) {
+            fill_table(table, section, has_flow);
+        }
+    }
+    if let Some(tapes) = table_of(document, "tapes") {
+        for place in TapePlace::ALL {
+            if let Some(table) = table_of(tapes, place.name()) {
+                fill_table(table, "tapes", has_flow);
             }
+        }
+    }
+}
+
+fn table_of<'a, 'i>(table: &'a mut DeTable<'i>, key: &str) -> Option<&'a mut DeTable<'i>> {
+    match table.get_mut(key)?.get_mut() {
+        DeValue::Table(inner) => Some(inner),
+        _ => None,
+    }
+}
+
+/// Adds to `table` the keys that it leaves out and its `material` gives as one of `section`.
+fn fill_table(table: &mut DeTable<'_>, section: &str, has_flow: bool) {
+    let Some(material) = table.get("material") else { return };
+    let place = material.span();
+    let Some(text) = material.get_ref().as_str().and_then(|name| text(section, name)) else { return };
+    let Ok(given) = DeTable::parse(text) else { return };
+    for (key, value) in given.into_inner() {
+        let name: &str = key.get_ref();
+        if !table.contains_key(name) && (has_flow || name != "permeability") {
+            table.insert(Spanned::new(place.clone(), key.into_inner()), placed(value, &place));
         }
     }
 }
@@ -70,6 +101,12 @@ fn placed<'i>(value: Spanned<DeValue<'i>>, place: &Range<usize>) -> Spanned<DeVa
 /// The schema of a table whose required keys may be given by its material: they are required where it has none.
 pub(crate) fn required_without_material(schema: &mut Schema) {
     if let Some(required) = schema.remove("required") {
+        // No material gives the distance between tapes.
+        let (kept, required): (Vec<Value>, Vec<Value>) =
+            required.as_array().cloned().unwrap_or_default().into_iter().partition(|key| key == "spacing_m");
+        if !kept.is_empty() {
+            schema.insert("required".into(), Value::Array(kept));
+        }
         schema.insert("if".into(), json!({ "not": { "required": ["material"] } }));
         schema.insert("then".into(), json!({ "required": required }));
     }

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Basis::{Estimate, Paper, Secant, SpecifiedMaximum, SpecifiedMinimum, Typical};
+use super::Basis::{Estimate, SpecifiedMaximum, SpecifiedMinimum, Typical};
 use super::{Entry, LB, LB_FT, Published, Source, Value, four_digits, published};
 
 /// Lines of the library, with sources in the reference of materials.
@@ -281,31 +281,22 @@ impl Cord {
             Weight::Specific(p) => (1e-6 * strength / p.figure, format!("{:.2} N/tex", p.figure), p),
         };
         let area = kg_m / self.density;
-        let modulus = strength / (0.01 * self.elongation.figure) / area;
         let fibre = published(self.density, Typical, Source::Teijin);
-        let broken = format!("{} % at break", self.elongation.figure);
         let values = vec![
             Value::of("density_kg_m3", self.density, format!("{} g/cm³", 1e-3 * self.density), &fibre),
             Value::of("area_m2", area, figure, from),
             Value::of("strength_n", strength, format!("{} lb", self.lb.figure), &self.lb),
-            Value { basis: Secant, ..Value::of("youngs_modulus_pa", modulus, broken, &self.elongation) },
+            Value::secant_modulus(strength / area, &self.elongation),
         ];
         Entry { name: self.material.name(), title: self.title, values, note: self.note }
     }
 }
 
 fn atps_paper() -> Entry {
-    let given = |key, value: f64| Value {
-        key,
-        value,
-        basis: Paper,
-        figure: String::new(),
-        source: Some(Source::Paper),
-    };
     let values = vec![
-        given("youngs_modulus_pa", 5.342e8),
-        given("area_m2", 3.11e-6),
-        given("density_kg_m3", 1223.50932),
+        Value::of_paper("youngs_modulus_pa", 5.342e8),
+        Value::of_paper("area_m2", 3.11e-6),
+        Value::of_paper("density_kg_m3", 1223.50932),
     ];
     Entry {
         name: LineMaterial::AtpsPaper.name(),

@@ -1,4 +1,4 @@
-//! Library of parachute fabrics and lines: `material` of `[fabric]`, `[lines]` and `[risers]`.
+//! Library of parachute fabrics, lines, tapes and webbings: `material` of `[fabric]`, `[lines]`, `[risers]` and the tables of `[tapes]`.
 //!
 //! An entry gives the keys of its section that a scene leaves out. They are added to the TOML document before it is read, so that
 //! programs see a scene with all its numbers; keys that the scene gives have priority. Each value has a basis and a source, and the
@@ -7,12 +7,16 @@
 mod fabrics;
 mod fill;
 mod lines;
+mod risers;
 mod sources;
+mod tapes;
 
 pub use fabrics::FabricMaterial;
 pub(crate) use fill::{fill, needed, required_without_material};
 pub use lines::LineMaterial;
+pub use risers::RiserMaterial;
 pub use sources::{Basis, Source};
+pub use tapes::TapeMaterial;
 
 /// Ounce for each square yard, kg/m2.
 const OZ_YD2: f64 = 0.028_349_523_125 / 0.836_127_36;
@@ -20,6 +24,8 @@ const OZ_YD2: f64 = 0.028_349_523_125 / 0.836_127_36;
 const LB: f64 = 4.448_221_615_260_5;
 /// Pound of force for each inch, N/m.
 const LB_IN: f64 = LB / 0.0254;
+/// Ounce for each yard, kg/m.
+const OZ_YD: f64 = 0.028_349_523_125 / 0.9144;
 /// Linear density of a line of one foot for each pound, kg/m.
 const LB_FT: f64 = 0.453_592_37 / 0.3048;
 
@@ -55,12 +61,24 @@ impl Value {
         Self { key, value: four_digits(value), basis: from.basis, figure, source: Some(from.source) }
     }
 
+    /// A value of the paper.
+    fn of_paper(key: &'static str, value: f64) -> Self {
+        Self { key, value, basis: Basis::Paper, figure: String::new(), source: Some(Source::Paper) }
+    }
+
+    /// The secant modulus (Pa) of a stress at break (Pa) and the elongation there (%).
+    fn secant_modulus(stress: f64, elongation: &Published) -> Self {
+        let modulus = stress / (0.01 * elongation.figure);
+        let figure = format!("{} % at break", elongation.figure);
+        Self { basis: Basis::Secant, ..Self::of("youngs_modulus_pa", modulus, figure, elongation) }
+    }
+
     fn follows(key: &'static str, value: f64, basis: Basis) -> Self {
         Self { key, value: four_digits(value), basis, figure: String::new(), source: None }
     }
 }
 
-/// A fabric or line of the library.
+/// A fabric, line or tape of the library.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entry {
     /// Name in a scene.

@@ -69,6 +69,10 @@ pub enum Source {
     PiaC1200,
     /// Types of PIA-C-2754D.
     PiaC2754d,
+    /// Types of MIL-T-8363B.
+    MilT8363b,
+    /// Types of PIA-W-1100A.
+    PiaW1100a,
     /// Table of industrial fibres by Teijin.
     Teijin,
     /// Yarn properties by Tension Technology.
@@ -83,7 +87,7 @@ pub enum Source {
 
 impl Source {
     /// All of them, in the order of the page.
-    pub const ALL: [Source; 18] = [
+    pub const ALL: [Source; 20] = [
         Source::MilC7020h,
         Source::Nakka,
         Source::Mit,
@@ -97,6 +101,8 @@ impl Source {
         Source::FruityChutes,
         Source::PiaC1200,
         Source::PiaC2754d,
+        Source::MilT8363b,
+        Source::PiaW1100a,
         Source::Teijin,
         Source::TensionTechnology,
         Source::RopeFibres,
@@ -145,12 +151,7 @@ impl Source {
             Source::FruityChutes => {
                 "parachutes of Fruity Chutes (2022), materials file for OpenRocket by H. C. Miller"
             }
-            Source::PiaC1200 => {
-                "PIA-C-1200 (2013), section 1.2: strengths of Spectra cord. First page read (mydoc123.com/p-1016654.html)"
-            }
-            Source::PiaC2754d => {
-                "PIA-C-2754D (2015), section 1.2: feet for each pound of polyester cord. First page read (mydoc123.com/p-1016662.html)"
-            }
+            Source::PiaC1200 | Source::PiaC2754d | Source::MilT8363b | Source::PiaW1100a => self.first_page(),
             Source::Teijin => {
                 "Teijin, tensile properties of industrial fibres, table 3 (teijin.com, page tech_bussei_hippari): density, elongation at break"
             }
@@ -164,6 +165,24 @@ impl Source {
                 "the paper (see [references](../references.md)), as in `cases/atps-descent/scene.toml`"
             }
             Source::Memory => "from memory, not opened: compare it with the specification before use",
+        }
+    }
+
+    /// A specification of which the first page was read.
+    fn first_page(self) -> &'static str {
+        match self {
+            Source::PiaC1200 => {
+                "PIA-C-1200 (2013), section 1.2: strengths of Spectra cord. First page read (mydoc123.com/p-1016654.html)"
+            }
+            Source::PiaC2754d => {
+                "PIA-C-2754D (2015), section 1.2: feet for each pound of polyester cord. First page read (mydoc123.com/p-1016662.html)"
+            }
+            Source::MilT8363b => {
+                "MIL-T-8363B (1974), section 1.2: strengths of nylon tapes and webbings. First page read (mydoc123.com/p-428665.html)"
+            }
+            _ => {
+                "PIA-W-1100A (2012), section 1.3: widths and strengths of nylon webbing with tubular edges. First page read (mydoc123.com/p-1016733.html)"
+            }
         }
     }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::cross::{self, CrossCanopy};
+use super::gored::{self, GoredCanopy};
 use crate::check::Check;
 use crate::{Scene, Stage, StageKind};
 
@@ -19,9 +21,9 @@ pub enum Canopy {
     /// A flat circular canopy with lines from its rim to one confluence point.
     Circular(FlatCanopy),
     /// A canopy of gores around a crown vent: flat circular, conical, hemispherical, or of sections along the gores (extended skirt, annular, ringslot,
-    /// disk-gap-band), with a line from each seam to one confluence point. A flow needs `[flow.immersed]`.
+    /// disk-gap-band), with a line from each seam to one confluence point, or to those of `[canopy.risers]`. A flow needs `[flow.immersed]`.
     Gored(GoredCanopy),
-    /// A flat cross of two equal panels, arms not stitched, with lines from the ends of the arms to one confluence point. A flow needs `[flow.immersed]`.
+    /// A flat cross of two equal panels, arms not stitched, with lines from the ends of the arms to one confluence point, or to those of `[canopy.risers]`. A flow needs `[flow.immersed]`.
     Cross(CrossCanopy),
     /// The square air bag of the paper, section 1.4: one octant by symmetry.
     AirBag(AirBag),
@@ -126,101 +128,8 @@ pub struct FlatCanopy {
     pub segments_per_line: u32,
 }
 
-fn one() -> u32 {
+pub(super) fn one() -> u32 {
     1
-}
-
-/// A canopy of gores: panels from the crown vent to the skirt, sewn along radial seams, each straight across in the constructed shape.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GoredCanopy {
-    /// Constructed shape of the gores along their middle line.
-    #[serde(default)]
-    pub profile: GoreProfile,
-    /// Nominal diameter D0, m: that of a circle with the area S0 of all gores, the vent included.
-    pub nominal_diameter_m: f64,
-    /// Number of gores (even), and of lines.
-    pub gores: u32,
-    /// Sections of the gores from the vent to the skirt, with `profile = "sections"`.
-    #[serde(default, rename = "section")]
-    pub sections: Vec<GoreSection>,
-    /// Diameter of the crown vent between opposite seams, m. Absent: a tenth of the nominal diameter, 1 % of the area.
-    pub vent_diameter_m: Option<f64>,
-    /// Angle of the gores below the horizontal in the constructed shape of a conical canopy, degrees.
-    pub cone_angle_deg: Option<f64>,
-    /// Quadrilaterals across a gore (even).
-    #[serde(default = "two")]
-    pub cells_per_gore: u32,
-    /// Quadrilaterals along a gore, shared by the sections of fabric by their length.
-    pub cells_along: u32,
-    /// Unstretched length of a line, m.
-    pub line_length_m: f64,
-    /// Cable elements for each line.
-    #[serde(default = "one")]
-    pub segments_per_line: u32,
-}
-
-fn two() -> u32 {
-    2
-}
-
-/// A section of the gores along their middle line. All gores of a canopy have the same sections.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct GoreSection {
-    /// Length along the middle line, in any unit: lengths of all sections are scaled together until the area, openings included, is that of the
-    /// nominal diameter.
-    pub length: f64,
-    /// Angle below the horizontal in the constructed shape, degrees: 0 for a part of a flat disk, 90 for a cylindrical band, above 90 for a skirt that
-    /// runs inwards.
-    #[serde(default)]
-    pub angle_deg: f64,
-    /// An opening without fabric, which radial tapes along the seams (`[tapes.seams]`) bridge.
-    #[serde(default)]
-    pub gap: bool,
-}
-
-/// A flat cross of two equal rectangular panels whose middles overlap in one square layer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct CrossCanopy {
-    /// Width W of a panel, m.
-    pub panel_width_m: f64,
-    /// Length L of a panel from one end to the other, m. The constructed area is S0 = 2 L W - W^2.
-    pub panel_length_m: f64,
-    /// Quadrilaterals across a panel (even).
-    pub cells_across: u32,
-    /// Quadrilaterals along an arm.
-    pub cells_along_arm: u32,
-    /// Lines from the end of each arm.
-    pub lines_per_arm: u32,
-    /// Unstretched length of a line, m.
-    pub line_length_m: f64,
-    /// Cable elements for each line.
-    #[serde(default = "one")]
-    pub segments_per_line: u32,
-}
-
-impl GoredCanopy {
-    /// Diameter of the vent, m: the scene's, or the default.
-    pub fn vent_diameter(&self) -> f64 {
-        self.vent_diameter_m.unwrap_or(0.1 * self.nominal_diameter_m)
-    }
-}
-
-/// Constructed shape of gores along their middle line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum GoreProfile {
-    /// In one plane: a flat circular canopy.
-    #[default]
-    Flat,
-    /// Straight, at `cone_angle_deg` below the horizontal.
-    Conical,
-    /// A quarter of a circle.
-    Hemispherical,
-    /// A chain of straight sections, `[[canopy.section]]`, with or without fabric.
-    Sections,
 }
 
 /// One octant of the square air bag of the paper: a quarter of the upper sheet.
@@ -277,13 +186,6 @@ pub enum PanelEdges {
     Root,
 }
 
-impl GoredCanopy {
-    /// Nominal area S0 = pi D0^2 / 4 of all gores, vent and gaps included, m2.
-    pub fn nominal_area(&self) -> f64 {
-        0.25 * std::f64::consts::PI * self.nominal_diameter_m.powi(2)
-    }
-}
-
 impl Scene {
     /// Whether the canopy has suspension lines or reinforcements.
     pub fn has_cables(&self) -> bool {
@@ -312,7 +214,8 @@ impl Scene {
     }
 }
 
-const LENGTH: &str = "a length in metres";
+/// What a length of `[canopy]` is.
+pub(super) const LENGTH: &str = "a length in metres";
 
 /// Refuses geometries that cannot be cut, sewn or meshed, and lines without material.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
@@ -322,8 +225,8 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
             atps_cells(a, c);
         }
         Canopy::Square(f) | Canopy::Circular(f) => flat(f, c),
-        Canopy::Gored(g) => gored(g, scene.tapes.as_ref().is_some_and(|t| t.seams.is_some()), c),
-        Canopy::Cross(x) => cross(x, c),
+        Canopy::Gored(g) => gored::check(g, scene.tapes.as_ref().is_some_and(|t| t.seams.is_some()), c),
+        Canopy::Cross(x) => cross::check(x, c),
         Canopy::AirBag(a) => {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");
@@ -452,146 +355,11 @@ fn flat(f: &FlatCanopy, c: &mut Check) {
     }
 }
 
-fn gored(g: &GoredCanopy, radials: bool, c: &mut Check) {
-    c.positive("canopy.nominal_diameter_m", g.nominal_diameter_m, 200.0, LENGTH);
-    c.positive("canopy.line_length_m", g.line_length_m, 500.0, LENGTH);
-    let diameter = g.nominal_diameter_m;
-    c.positive(
-        "canopy.vent_diameter_m",
-        g.vent_diameter(),
-        0.9 * diameter,
-        "less than nine tenths of the canopy",
-    );
-    even("canopy.gores", g.gores, 4..=400, "gores", c);
-    even("canopy.cells_per_gore", g.cells_per_gore, 2..=200, "cells across a gore", c);
-    c.count("canopy.cells_along", g.cells_along, 2..=2000, "cells along a gore");
-    line_segments(g.segments_per_line, c);
-    match (g.profile, g.cone_angle_deg) {
-        (GoreProfile::Conical, Some(angle)) => {
-            c.range(
-                "canopy.cone_angle_deg",
-                angle,
-                1.0..=80.0,
-                "degrees below the horizontal, 20 to 30 are usual",
-            );
-        }
-        (GoreProfile::Conical, None) => c.refuse(
-            "canopy.cone_angle_deg",
-            "a conical canopy has no `cone_angle_deg`",
-            "add it: degrees below the horizontal, 20 to 30 are usual",
-        ),
-        (_, Some(_)) => c.refuse(
-            "canopy.cone_angle_deg",
-            "`cone_angle_deg` belongs to profile = \"conical\"",
-            "remove it, or set profile = \"conical\"",
-        ),
-        (_, None) => {}
-    }
-    sections(g, radials, c);
-}
-
-/// Refuses sections that cannot be sewn.
-fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
-    let chain = g.profile == GoreProfile::Sections;
-    if chain == g.sections.is_empty() {
-        let (message, remedy) = if chain {
-            (
-                "profile = \"sections\" has no [[canopy.section]]",
-                "add sections from the vent to the skirt, each with `length` and `angle_deg`",
-            )
-        } else {
-            (
-                "[[canopy.section]] belongs to profile = \"sections\"",
-                "set profile = \"sections\", or remove the sections",
-            )
-        };
-        c.refuse("canopy.section", message, remedy);
-        return;
-    }
-    for (k, s) in g.sections.iter().enumerate() {
-        c.positive(
-            &format!("canopy.section[{k}].length"),
-            s.length,
-            1e4,
-            "a length along the gore, in any unit",
-        );
-        let range = if k == 0 { 0.0..=80.0 } else { 0.0..=170.0 };
-        let what = "degrees below the horizontal: 0 flat, 90 a cylindrical band; the section at the vent has at most 80";
-        c.range(&format!("canopy.section[{k}].angle_deg"), s.angle_deg, range, what);
-    }
-    if let (Some(first), Some(last)) = (g.sections.first(), g.sections.last())
-        && (first.gap || last.gap)
-    {
-        c.refuse(
-            "canopy.section",
-            "a gap is the first or the last section: no fabric bounds it",
-            "leave it out; the crown vent is `vent_diameter_m`",
-        );
-    }
-    let fabric = g.sections.iter().filter(|s| !s.gap).count();
-    if chain && (g.cells_along as usize) < fabric {
-        c.refuse(
-            "canopy.cells_along",
-            format!("{} cells along a gore for {fabric} sections of fabric", g.cells_along),
-            format!("use at least {fabric}, better two for each section"),
-        );
-    }
-    if !radials && fabric < g.sections.len() {
-        c.refuse(
-            "tapes.seams",
-            "the canopy has gaps, and no radial tapes hold the parts together",
-            "add [tapes.seams] with the axial stiffness and mass of the radials",
-        );
-    }
-}
-
-fn cross(x: &CrossCanopy, c: &mut Check) {
-    c.positive("canopy.panel_width_m", x.panel_width_m, 200.0, LENGTH);
-    c.positive("canopy.panel_length_m", x.panel_length_m, 200.0, LENGTH);
-    c.positive("canopy.line_length_m", x.line_length_m, 500.0, LENGTH);
-    even_cells(x.cells_across, c);
-    c.count("canopy.cells_along_arm", x.cells_along_arm, 1..=2000, "cells along an arm");
-    c.count("canopy.lines_per_arm", x.lines_per_arm, 2..=1000, "lines from the end of an arm");
-    line_segments(x.segments_per_line, c);
-    if x.panel_length_m <= x.panel_width_m {
-        c.refuse(
-            "canopy.panel_length_m",
-            format!(
-                "a panel of {} m is not longer than wide ({} m): no arms",
-                x.panel_length_m, x.panel_width_m
-            ),
-            "give the length from one end of the panel to the other; usual are 3 to 4 widths",
-        );
-    }
-    if x.lines_per_arm > x.cells_across + 1 {
-        c.refuse(
-            "canopy.lines_per_arm",
-            format!(
-                "{} lines do not fit on the {} nodes at the end of an arm",
-                x.lines_per_arm,
-                x.cells_across + 1
-            ),
-            "use fewer lines or more cells across",
-        );
-    }
-    let reach = 0.5 * x.panel_length_m.hypot(x.panel_width_m);
-    if x.line_length_m <= reach {
-        c.refuse(
-            "canopy.line_length_m",
-            format!(
-                "lines of {} m cannot reach from the ends of the arms to a point below the middle",
-                x.line_length_m
-            ),
-            format!("make them longer than {reach:.3} m; usual are 1 to 1.2 panel lengths"),
-        );
-    }
-}
-
-fn even_cells(cells: u32, c: &mut Check) {
+pub(super) fn even_cells(cells: u32, c: &mut Check) {
     even("canopy.cells_across", cells, 2..=2000, "cells across a panel", c);
 }
 
-fn even(path: &str, count: u32, range: std::ops::RangeInclusive<u32>, what: &str, c: &mut Check) {
+pub(super) fn even(path: &str, count: u32, range: std::ops::RangeInclusive<u32>, what: &str, c: &mut Check) {
     c.count(path, count, range, what);
     if count % 2 == 1 {
         c.refuse(
@@ -602,7 +370,7 @@ fn even(path: &str, count: u32, range: std::ops::RangeInclusive<u32>, what: &str
     }
 }
 
-fn line_segments(segments: u32, c: &mut Check) {
+pub(super) fn line_segments(segments: u32, c: &mut Check) {
     c.count("canopy.segments_per_line", segments, 1..=1000, "cable elements for each line");
 }
 

@@ -9,11 +9,14 @@ mod accuracy;
 mod body_motion;
 mod boundary_values;
 mod canopy;
+mod canopy_risers;
 mod coupling;
+mod cross;
 mod descent;
 mod fabric;
 mod flow;
 mod flow_grid;
+mod gored;
 mod gust;
 mod immersed;
 mod layout;
@@ -48,14 +51,13 @@ pub use body_motion::{BodyMotion, BodyRotation, Pose, RigidMotion};
 pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
-pub use canopy::{
-    AirBag, Atps, Canopy, CrossCanopy, FlatCanopy, GmshCanopy, GoreProfile, GoreSection, GoredCanopy,
-    PanelCanopy, PanelEdges, StitchedEnd,
-};
+pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
+pub use canopy_risers::CanopyRisers;
 pub use coupling::{
     Acceleration, AdaptiveWindow, Coupling, CouplingOrder, LoadShape, MOST_PREDICTOR, Scheme, Staggered,
     StaggeredSequence,
 };
+pub use cross::CrossCanopy;
 pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
@@ -64,6 +66,7 @@ pub use flow::{
     Viscosity, WallTreatment,
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use gored::{GoreProfile, GoreSection, GoredCanopy};
 pub use gust::{Gust, GustShape};
 pub use immersed::Immersed;
 pub use layout::*;
@@ -258,6 +261,7 @@ fn checked(scene: &Scene) -> Check {
     let mut c = Check::default();
     name(scene, &mut c);
     canopy::check(scene, &mut c);
+    canopy_risers::check_section(scene, &mut c);
     fabric::check(scene, &mut c);
     lines::check(scene, &mut c);
     tapes::check(scene, &mut c);

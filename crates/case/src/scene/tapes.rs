@@ -8,7 +8,7 @@ use super::fabric::safety_factor;
 use super::lines::STRENGTH;
 use crate::check::Check;
 use crate::materials::required_without_material;
-use crate::{LineMaterial, Scene};
+use crate::{RiserMaterial, Scene, TapeMaterial};
 
 /// Tapes sewn on the fabric, by place. A place without a table has none. A tape is a line of cable elements on canopy nodes, at its
 /// rest length in the cut shape, without prestress; its force is linear between Green strain and second Piola-Kirchhoff stress, as
@@ -35,9 +35,12 @@ impl Default for Tapes {
 }
 
 /// Section of a tape.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = required_without_material)]
 pub struct Tape {
+    /// Tape or webbing of the library: it gives the keys of this table that the scene leaves out. Absent: the scene gives them all.
+    pub material: Option<TapeMaterial>,
     /// Axial stiffness EA: force for a strain of 1, N. The breaking strength over the elongation at break is its mean.
     pub axial_stiffness_n: f64,
     /// Mass for each metre, kg/m.
@@ -50,9 +53,12 @@ pub struct Tape {
 /// stiffness of that length. Their elements lie on lines of the mesh. Where cells are smaller than the spacing, each tape lies on
 /// the nearest line, on two lines with one half each where it lies midway. Where they are larger, each line stands for all tapes
 /// of its share of the width, those at the edges of the panel too. Axial stiffness and mass of the elements are scaled.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(transform = required_without_material)]
 pub struct TapeGrid {
+    /// Tape or webbing of the library: it gives the stiffness and mass that the scene leaves out. Absent: the scene gives both.
+    pub material: Option<TapeMaterial>,
     /// Axial stiffness EA of one tape: force for a strain of 1, N.
     pub axial_stiffness_n: f64,
     /// Mass for each metre of one tape, kg/m.
@@ -66,9 +72,9 @@ pub struct TapeGrid {
 #[serde(deny_unknown_fields)]
 #[schemars(transform = required_without_material)]
 pub struct Risers {
-    /// Line of the library that a riser consists of: it gives the keys of this table that the scene leaves out. Absent: the scene gives
-    /// them all.
-    pub material: Option<LineMaterial>,
+    /// Line or webbing of the library that a riser consists of: it gives the keys of this table that the scene leaves out. Absent: the
+    /// scene gives them all.
+    pub material: Option<RiserMaterial>,
     /// Axial stiffness EA: force for a strain of 1, N.
     pub axial_stiffness_n: f64,
     /// Mass for each metre, kg/m.
@@ -115,7 +121,12 @@ impl Tapes {
             TapePlace::Seams => self.seams,
             TapePlace::Vents => self.vents,
             TapePlace::Grid => {
-                self.grid.map(|g| Tape { axial_stiffness_n: g.axial_stiffness_n, mass_kg_m: g.mass_kg_m })
+                let tape = |g: TapeGrid| Tape {
+                    material: g.material,
+                    axial_stiffness_n: g.axial_stiffness_n,
+                    mass_kg_m: g.mass_kg_m,
+                };
+                self.grid.map(tape)
             }
         }
     }
@@ -200,19 +211,12 @@ fn risers(scene: &Scene, c: &mut Check) {
             "add [lines] with their material, or remove [risers]",
         );
     }
-    if matches!(
-        scene.canopy,
-        Canopy::Square(_)
-            | Canopy::Circular(_)
-            | Canopy::Gored(_)
-            | Canopy::Cross(_)
-            | Canopy::Panel(_)
-            | Canopy::AirBag(_)
-    ) {
+    if matches!(scene.canopy, Canopy::Square(_) | Canopy::Circular(_) | Canopy::Panel(_) | Canopy::AirBag(_))
+    {
         c.refuse(
             "risers",
             "a canopy of this kind has no risers",
-            "remove [risers]; the canopy `atps` has them, and a mesh file in its physical group `risers`",
+            "remove [risers]; the canopies `atps`, `gored` and `cross` have them, and a mesh file in its physical group `risers`",
         );
     }
 }

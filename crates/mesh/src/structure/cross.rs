@@ -4,8 +4,9 @@
 use case::{CrossCanopy, Tapes};
 
 use super::atps::{AtpsLayout, turn};
+use super::suspension::{Payload, Suspension};
 use super::{even, positive, refuse};
-use crate::{CableKind, MeshError, StructureMesh};
+use crate::{MeshError, StructureMesh};
 
 /// Numbers of the nodes.
 fn layout(x: &CrossCanopy) -> Result<AtpsLayout, MeshError> {
@@ -13,7 +14,7 @@ fn layout(x: &CrossCanopy) -> Result<AtpsLayout, MeshError> {
 }
 
 /// Fabric, lines and payload. All lines have one length; those of the arms' corners are taut in the shape as cut.
-pub(super) fn cross(x: &CrossCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+pub(super) fn cross(x: &CrossCanopy, payload: &Payload<'_>) -> Result<StructureMesh, MeshError> {
     let layout = layout(x)?;
     let (n, m) = (layout.n, layout.m);
     let half_width = 0.5 * positive("canopy.panel_width_m", x.panel_width_m)?;
@@ -34,12 +35,6 @@ pub(super) fn cross(x: &CrossCanopy, payload_mass: Option<f64>) -> Result<Struct
         }
     }
     layout.push_faces(&mut mesh, |k| k as u32 + 1);
-    let length = positive("canopy.line_length_m", x.line_length_m)?;
-    let reach = half_length.hypot(half_width);
-    if length <= reach {
-        let reason = format!("must exceed {reach:.4} m, the distance of an arm's corner from the axis");
-        return Err(refuse("canopy.line_length_m", length, reason));
-    }
     let lines = x.lines_per_arm as usize;
     if !(2..=n + 1).contains(&lines) {
         return Err(refuse(
@@ -48,14 +43,18 @@ pub(super) fn cross(x: &CrossCanopy, payload_mass: Option<f64>) -> Result<Struct
             format!("must be from 2 to cells_across + 1 = {}", n + 1),
         ));
     }
-    let payload = mesh.push_node([0.0, 0.0, -(length * length - reach * reach).sqrt()]);
-    for (k, l) in (0..4).flat_map(|k| (0..lines).map(move |l| (k, l))) {
-        let ends = [layout.arm(k, layout.column_of_line(l, lines), m), payload];
-        let line = (k * lines + l) as u32;
-        mesh.push_line(ends, length, x.segments_per_line as usize, CableKind::SuspensionLine, line);
+    let end = |k, l| layout.arm(k, layout.column_of_line(l, lines), m);
+    let ends: Vec<u32> =
+        (0..4).flat_map(|k| (0..lines).map(move |l| (k, l))).map(|(k, l)| end(k, l)).collect();
+    Suspension {
+        ends: &ends,
+        reach: (half_length.hypot(half_width), "the distance of an arm's corner from the axis"),
+        length: x.line_length_m,
+        segments: x.segments_per_line,
+        risers: x.risers.as_ref(),
+        payload,
     }
-    mesh.fixed.push((payload, [true; 3]));
-    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
+    .add(&mut mesh)?;
     Ok(mesh)
 }
 
@@ -82,7 +81,7 @@ mod tests {
 
     use super::*;
     use crate::structure::tests::scene;
-    use crate::structure_mesh;
+    use crate::{CableKind, structure_mesh};
 
     fn canopy() -> CrossCanopy {
         CrossCanopy {
@@ -93,6 +92,7 @@ mod tests {
             lines_per_arm: 3,
             line_length_m: 7.0,
             segments_per_line: 2,
+            risers: None,
         }
     }
 
@@ -100,8 +100,10 @@ mod tests {
     #[test]
     fn cross_is_as_drawn() {
         let mut with = scene(Canopy::Cross(canopy()));
-        with.tapes =
-            Some(Tapes { hem: Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01 }), ..Tapes::default() });
+        with.tapes = Some(Tapes {
+            hem: Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 }),
+            ..Tapes::default()
+        });
         let mesh = structure_mesh(&with).unwrap();
         assert!((mesh.fabric_area(|_| true) - 20.0).abs() < 1e-12);
         assert_eq!(mesh.n_canopy, 25 + 4 * 5 * 5);

@@ -9,14 +9,17 @@
 //! S_0 = \tfrac{\pi}{4} D_0^2 = N \int w\, ds = 2 N \tan(\pi / N) \int r\, ds
 //! ```
 //! The vent counts as the first section continued to the axis.
+//!
+//! Sails with fullness ([`fullness`]) are straight across only at their seams.
 
 use std::f64::consts::PI;
 
 use case::{GoreProfile, GoreSection, GoredCanopy, TapePlace, Tapes};
 
+use super::fullness;
+use super::suspension::{Payload, Suspension};
 use super::{positive, refuse};
-use crate::geometry::Point;
-use crate::{CableKind, MeshError, StructureMesh};
+use crate::{MeshError, StructureMesh};
 
 /// Nodes of a canopy of gores: rings from the vent to the skirt.
 pub(super) struct GoreLayout {
@@ -66,7 +69,11 @@ impl GoreLayout {
 fn sections(p: &GoredCanopy) -> Vec<GoreSection> {
     match p.profile {
         GoreProfile::Sections => p.sections.clone(),
-        _ => vec![GoreSection { length: 1.0, angle_deg: p.cone_angle_deg.unwrap_or(0.0), gap: false }],
+        _ => vec![GoreSection {
+            length: 1.0,
+            angle_deg: p.cone_angle_deg.unwrap_or(0.0),
+            ..GoreSection::default()
+        }],
     }
 }
 
@@ -147,10 +154,11 @@ fn scale(sections: &[GoreSection], vent: f64, integral: f64) -> Option<f64> {
 }
 
 /// Fabric, lines and payload.
-pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureMesh, MeshError> {
     let layout = GoreLayout::new(p);
     let mut mesh = StructureMesh::default();
-    for [r, z] in rings(p)? {
+    let sails = fullness::edges(&sections(p), &cells(&sections(p), p.cells_along as usize));
+    for (ring, [r, z]) in rings(p)?.into_iter().enumerate() {
         // Seams are as far from the axis as the corners of a polygon, the cloth between them is straight.
         let corner = |gore: usize| {
             let angle = 2.0 * PI * gore as f64 / layout.gores as f64;
@@ -158,6 +166,11 @@ pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<Struct
         };
         for gore in 0..layout.gores {
             let [a, b] = [corner(gore), corner(gore + 1)];
+            if let Some(edge) = sails.get(ring).filter(|e| e.fullness > 0.0) {
+                let [a, b] = [a, b].map(|x| [x[0], x[1], z]);
+                mesh.coords.extend(edge.nodes(a, b, layout.across));
+                continue;
+            }
             for i in 0..layout.across {
                 let t = i as f64 / layout.across as f64;
                 mesh.coords.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
@@ -174,35 +187,18 @@ pub(super) fn gored(p: &GoredCanopy, payload_mass: Option<f64>) -> Result<Struct
             mesh.push_quad([at(0, 0), at(0, 1), at(1, 1), at(1, 0)], gore as u32, straight);
         }
     }
-    add_lines(p, &layout, payload_mass, &mut mesh)?;
+    let ends: Vec<u32> = (0..layout.gores).map(|gore| layout.seam(gore, layout.along())).collect();
+    let skirt = mesh.coords[ends[0] as usize];
+    Suspension {
+        ends: &ends,
+        reach: (skirt[0].hypot(skirt[1]), "the radius of the skirt"),
+        length: p.line_length_m,
+        segments: p.segments_per_line,
+        risers: p.risers.as_ref(),
+        payload,
+    }
+    .add(&mut mesh)?;
     Ok(mesh)
-}
-
-/// One line from each seam at the skirt to the confluence point below the canopy.
-fn add_lines(
-    p: &GoredCanopy,
-    layout: &GoreLayout,
-    payload_mass: Option<f64>,
-    mesh: &mut StructureMesh,
-) -> Result<(), MeshError> {
-    let length = positive("canopy.line_length_m", p.line_length_m)?;
-    let skirt: Point = mesh.coords[layout.seam(0, layout.along()) as usize];
-    let reach = skirt[0].hypot(skirt[1]);
-    if length <= reach {
-        return Err(refuse(
-            "canopy.line_length_m",
-            length,
-            format!("must exceed {reach:.4} m, the radius of the skirt"),
-        ));
-    }
-    let payload = mesh.push_node([0.0, 0.0, skirt[2] - (length * length - reach * reach).sqrt()]);
-    for gore in 0..layout.gores {
-        let ends = [layout.seam(gore, layout.along()), payload];
-        mesh.push_line(ends, length, p.segments_per_line as usize, CableKind::SuspensionLine, gore as u32);
-    }
-    mesh.fixed.push((payload, [true; 3]));
-    mesh.point_masses.extend(payload_mass.map(|mass| (payload, mass)));
-    Ok(())
 }
 
 impl StructureMesh {
@@ -236,7 +232,7 @@ mod tests {
 
     use super::*;
     use crate::structure::tests::scene;
-    use crate::structure_mesh;
+    use crate::{CableKind, structure_mesh};
 
     fn canopy(profile: GoreProfile) -> GoredCanopy {
         GoredCanopy {
@@ -250,6 +246,7 @@ mod tests {
             cells_along: 10,
             line_length_m: 7.0,
             segments_per_line: 1,
+            risers: None,
         }
     }
 
@@ -316,7 +313,7 @@ mod tests {
     fn tapes_follow_skirt_vent_and_seams() {
         let p = canopy(GoreProfile::Flat);
         let mut with = scene(Canopy::Gored(p));
-        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
         with.tapes = Some(Tapes { hem: tape, seams: tape, vents: tape, ..Tapes::default() });
         let mesh = structure_mesh(&with).unwrap();
         let length = |place| mesh.cable_length(CableKind::Tape(place));
@@ -345,7 +342,8 @@ mod tests {
     /// area includes vent and gap. Dimensions of the parachute of Tianwen-1 (D0 15.96 m, disk 11.53 m, vent 1.12 m, gap 0.69 m, band 1.94 m).
     #[test]
     fn sections_with_a_gap_make_a_disk_gap_band() {
-        let section = |length, angle_deg, gap| GoreSection { length, angle_deg, gap };
+        let section =
+            |length, angle_deg, gap| GoreSection { length, angle_deg, gap, ..GoreSection::default() };
         let p = GoredCanopy {
             profile: GoreProfile::Sections,
             sections: vec![
@@ -361,7 +359,7 @@ mod tests {
             ..canopy(GoreProfile::Flat)
         };
         let mut with = scene(Canopy::Gored(p.clone()));
-        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
         with.tapes = Some(Tapes { seams: tape, vents: tape, ..Tapes::default() });
         let mesh = structure_mesh(&with).unwrap();
         let layout = GoreLayout::new(&p);
@@ -389,7 +387,7 @@ mod tests {
     /// An extended skirt: the widest ring is where the skirt begins, which runs inwards. Cells go by length.
     #[test]
     fn extended_skirt_runs_inwards() {
-        let section = |length, angle_deg| GoreSection { length, angle_deg, gap: false };
+        let section = |length, angle_deg| GoreSection { length, angle_deg, ..GoreSection::default() };
         let p = GoredCanopy {
             profile: GoreProfile::Sections,
             sections: vec![section(4.0, 0.0), section(0.4, 120.0)],

@@ -3,6 +3,7 @@
 mod atps;
 mod cross;
 mod flat;
+mod fullness;
 mod gmsh;
 mod gored;
 mod hung_mass;
@@ -10,6 +11,7 @@ mod node_sets;
 mod panel;
 mod payload;
 mod skirt;
+mod suspension;
 #[cfg(test)]
 mod tape_tests;
 mod tapes;
@@ -30,15 +32,14 @@ use crate::{Cable, CableKind, MeshError, StructureMesh};
 /// [`MeshError::Parameter`] if the parameters make no canopy, and what is wrong
 /// with a mesh file.
 pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
-    let body = scene.payload_body();
-    // A body has its mass itself, not its nodes.
-    let payload_mass = scene.descent.as_ref().filter(|_| body.is_none()).map(|d| d.payload_mass_kg);
+    let payload = suspension::Payload::of(scene);
+    let payload_mass = payload.mass;
     let mut mesh = match &scene.canopy {
         Canopy::Atps(a) => atps::atps(a, payload_mass),
         Canopy::Square(f) => flat::flat(f, flat::Outline::Square, payload_mass),
         Canopy::Circular(f) => flat::flat(f, flat::Outline::Circle, payload_mass),
-        Canopy::Gored(g) => gored::gored(g, payload_mass),
-        Canopy::Cross(x) => cross::cross(x, payload_mass),
+        Canopy::Gored(g) => gored::gored(g, &payload),
+        Canopy::Cross(x) => cross::cross(x, &payload),
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
         Canopy::Panel(p) => panel::panel(p),
@@ -50,7 +51,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     if mesh.cables.iter().any(|c| c.kind.section(scene).is_none()) {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
     }
-    if let Some(body) = body {
+    if let Some(body) = scene.payload_body() {
         mesh.attach_payload(body)?;
     }
     mesh.name_sets();

@@ -9,10 +9,10 @@ use case::{
 use super::tests::scene;
 use crate::{CableKind, StructureMesh, structure_mesh};
 
-const SECTION: Tape = Tape { axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3 };
+const SECTION: Tape = Tape { material: None, axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3 };
 
 fn grid(spacing_m: f64) -> Option<TapeGrid> {
-    Some(TapeGrid { axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3, spacing_m })
+    Some(TapeGrid { material: None, axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3, spacing_m })
 }
 
 fn all(spacing_m: f64) -> Tapes {
