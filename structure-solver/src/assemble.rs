@@ -25,6 +25,7 @@ fn surface(scene: &Scene) -> Surface {
     Surface {
         quadrilaterals: scene.structure.membrane == Membrane::Quadrilateral,
         warp: scene.fabric.orthotropic.as_ref().map(|o| o.direction.map_or(Warp::FirstEdge, Warp::Vector)),
+        bending: scene.fabric.bending_stiffness_n_m.is_some(),
     }
 }
 
@@ -35,6 +36,9 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     let damping = scene.stages[stage].stiffness_damping_s;
     let mut all = Loops::new();
     membranes(scene, damping, model, &mut all);
+    if let Some(stiffness) = scene.fabric.bending_stiffness_n_m {
+        all.push(Box::new(Elements::bending(model, stiffness)));
+    }
     if let Some(c) = model.cables.iter().find(|c| c.kind.section(scene).is_none()) {
         return Err(ModelError::NoMaterial { cable: c.global as usize });
     }

@@ -26,6 +26,7 @@ pub mod model;
 pub mod motion;
 pub mod newton;
 pub mod participant;
+pub mod patches;
 pub mod payload;
 pub mod rigid;
 pub mod scheme;

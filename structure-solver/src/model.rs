@@ -11,6 +11,7 @@ use comm::{Comm, Halo, Numbering};
 use mesh::{CableKind, StructureMesh};
 
 use crate::elements::{membrane, quad};
+use crate::patches::{self, Patch};
 use mesh::geometry::{Point, Vec3, at};
 
 /// A structure that cannot be computed: what, where, and what to do.
@@ -177,6 +178,8 @@ pub struct Surface {
     pub quadrilaterals: bool,
     /// First axis of strains and stresses; anywhere if `None`.
     pub warp: Option<Warp>,
+    /// Triangles bend with their neighbours.
+    pub bending: bool,
 }
 
 /// A cable element of this rank. Node numbers are local.
@@ -218,6 +221,10 @@ pub struct Model {
     pub n_own_quads: usize,
     /// Faces of four nodes that are two triangles each; none where they are bilinear elements.
     pub split_faces: Vec<SplitFace>,
+    /// Triangles with their neighbours, if they bend, ordered like the triangles.
+    pub patches: Vec<Patch>,
+    /// Patches whose first node is owned here.
+    pub n_own_patches: usize,
     /// Cable elements, ordered like the triangles.
     pub cables: Vec<CableElement>,
     /// Cables whose first node is owned here.
@@ -270,6 +277,8 @@ impl Model {
         let faces = if surface.quadrilaterals { mesh.faces.len() } else { 0 };
         let faces: Vec<usize> = (0..faces).filter(|&f| reach.touches(&mesh.faces[f])).collect();
         let mut split_faces: Vec<SplitFace> = split.into_iter().filter(|f| reach.touches(&f.nodes)).collect();
+        let patches = if surface.bending { patches::of(mesh)? } else { Vec::new() };
+        let mut patches: Vec<Patch> = patches.into_iter().filter(|p| reach.touches(&p.nodes)).collect();
         let numbering = reach.numbering(mesh.coords.len());
         let halo = Rc::new(Halo::new(comm, &numbering));
 
@@ -278,6 +287,8 @@ impl Model {
         let triangles = part.triangles(&triangles)?;
         let quads = part.quads(&faces)?;
         let cables = part.cables(&cables);
+        patches.iter_mut().flat_map(|p| &mut p.nodes).for_each(|n| *n = part.local(*n));
+        patches.sort_by_key(|p| part.is_ghost(p.nodes[0]));
         ties.iter_mut().flatten().for_each(|n| *n = part.local(*n));
         ties.sort_by_key(|t| part.is_ghost(t[0]));
         let (fixed, point_masses) = (part.fixed(), part.point_masses());
@@ -290,6 +301,8 @@ impl Model {
             n_own_quads: quads.partition_point(|q| q.nodes[0] < n_owned),
             quads,
             split_faces,
+            n_own_patches: patches.partition_point(|p| p.nodes[0] < n_owned),
+            patches,
             n_own_cables: cables.partition_point(|c| c.nodes[0] < n_owned),
             cables,
             n_own_ties: ties.partition_point(|t| t[0] < n_owned),

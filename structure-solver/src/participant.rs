@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 27] = [
+const EFFECTS: [&str; 28] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
@@ -37,6 +37,7 @@ const EFFECTS: [&str; 27] = [
     "fabric.orthotropic",
     "fabric.law",
     "fabric.prestress_pa",
+    "fabric.bending_stiffness_n_m",
     "point_mass",
     "stage.stiffness_damping_s",
     "stage.motion",

@@ -99,6 +99,33 @@ fn a_prestressed_bag_rises_less() {
     assert!(taut.iter().zip(loose).all(|(t, l)| *t > 0.0 && *t < 0.8 * l), "{taut:?} {loose:?}");
 }
 
+/// The key adds the bending energy and no mass, with both kinds of elements: a flat sheet rolled to a cylinder of
+/// curvature k stores D k^2 / 2 for each area between its hinges.
+#[test]
+fn a_bending_stiffness_adds_the_energy_of_a_curvature() {
+    for membrane in ["", "[structure]\nmembrane = \"quadrilateral\""] {
+        let of = |stiffness: Option<f64>, x: &dyn Fn(&[f64]) -> Vec<f64>| {
+            let mut s = scene(BAG, membrane, LAST);
+            s.fabric.bending_stiffness_n_m = stiffness;
+            let d = structure(&s, None).expect("a structure");
+            (d.system.energy(&x(&d.system.model.reference)), d.system.total_mass(), s)
+        };
+        let rolled = |x: &[f64]| -> Vec<f64> {
+            let roll = |p: &[f64; 3]| [p[0].sin(), p[1], p[2] + 1.0 - p[0].cos()];
+            x.as_chunks::<3>().0.iter().flat_map(roll).collect()
+        };
+        let (bent, mass, s) = of(Some(2.0), &rolled);
+        let (free, plain_mass, _) = of(None, &rolled);
+        assert_eq!(mass, plain_mass);
+        let area = mass / (s.fabric.density_kg_m3 * s.fabric.thickness_m);
+        let share = (bent - free) / (0.5 * 2.0 * area);
+        assert!((0.8..1.1).contains(&share), "{share}");
+        let flat = |x: &[f64]| x.iter().map(|x| 1.01 * x).collect();
+        let [with, without] = [Some(2.0), None].map(|k| of(k, &flat).0);
+        assert!((with / without - 1.0).abs() < 1e-9, "{with} {without}");
+    }
+}
+
 /// The key chooses the law: a sheet stretched by 1.3 both ways stores `mu / 2 (2 l^2 + l^-4 - 3)` in each volume, with `mu` a third
 /// of the modulus, with both kinds of elements, wrinkling or not.
 #[test]

@@ -416,6 +416,29 @@ fn explicit_steps_give_the_same_answer_on_any_rank_count() {
     assert!(d < 1e-8, "{d}");
 }
 
+/// Bending reaches one triangle further than membranes, across the borders of ranks too: with implicit and explicit steps, both
+/// kinds of membrane elements and a stiffness that shows.
+#[test]
+fn bending_gives_the_same_answer_on_any_rank_count() {
+    let short = STAGE.replace("duration_s = 0.1", "duration_s = 0.04");
+    let stiff = ("wrinkling = true", "wrinkling = true\n        bending_stiffness_n_m = 0.05");
+    let shape_of = |changes: &[(&str, &str)]| {
+        let (scene, text) = scene(&short, changes);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let d = ranks_differ_by(&scene, &text, folder.path(), &["canopy"]);
+        assert!(d < 1e-8, "{d} with {changes:?}");
+        let n = mesh::structure_mesh(&scene).expect("a mesh").n_canopy;
+        mesh::load_shape(&folder.path().join("out1/one/state/canopy.bin"), n).expect("a shape")
+    };
+    let quads =
+        "spectral_radius = 0.6\n        newton_tolerance = 1e-9\n        membrane = \"quadrilateral\"";
+    let bent = shape_of(&[stiff, ("spectral_radius = 0.6", quads)]);
+    shape_of(&[stiff, ("spectral_radius = 0.6", "integration = \"explicit\"")]);
+    let free = shape_of(&[("spectral_radius = 0.6", quads)]);
+    let moved = difference(bent.as_flattened(), free.as_flattened());
+    assert!(moved > 1e-3, "{moved}");
+}
+
 /// Contact with friction on any number of ranks: the closed vents of the cut lie on each other, and a pressure from outside presses
 /// the layers together. Explicit steps differ by the order of sums, implicit ones by the tolerance of the solvers.
 #[test]

@@ -285,6 +285,8 @@ fn a_panel_needs_its_box_and_a_box_its_panel() {
     assert!(refused("layers_above = 8", "layers_above = 8\nfirst_layer_m = 0.2").contains("equal layers"));
     assert!(refused("layers_above = 8", "layers_above = 8\nahead_m = 0.5").contains("cells_ahead"));
     assert!(refused("prestress_pa = 730.0", "prestress_pa = 7300.0").contains("half the modulus"));
+    let text = refused("prestress_pa = 730.0", "bending_stiffness_n_m = 0.0");
+    assert!(text.contains("fabric.bending_stiffness_n_m") && text.contains("nylon cloth"), "{text}");
     assert!(refused("cells = [12, 12]", "cells = [12, 0]").contains("canopy.cells[1]"));
     assert!(refused("top = \"outlet\"", "top = \"hole\"").contains("hole"));
     let closed = panel.replace("\"outlet\"", "\"inlet\"");

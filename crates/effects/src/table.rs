@@ -124,6 +124,23 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "fabric.bending_stiffness_n_m",
+        what: "fabric resists bending",
+        model: "curvature of each triangle from the jumps of slope at its three sides, without rotations; flat as cut; off: fabric bends freely",
+        equation: "W = D K:K / 2 for each area, K = sum_i l_i n_i n_i v_i / (2 A), v_i: jump of the slope across side i",
+        reference: "Onate and Zarate, Int. J. Numer. Meth. Eng. 47 (2000); Bergou, Wardetzky, Harmon, Zorin and Grinspun, Symposium on \
+                    Geometry Processing (2006)",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "folds of width l = 2 sqrt(pi) (D / T)^(1/4) R^(1/2) take (1 - 2/pi) l / R of the area; within a factor of 5",
+        on: |s| s.fabric.bending_stiffness_n_m.is_some(),
+        assess: c::bending,
+        cost: "a structure step 1.5 to 3 times: rows of the matrix are three times as long",
+        needs: None,
+        without: Some(|s| s.fabric.bending_stiffness_n_m = None),
+        with: None,
+    },
+    Entry {
         key: "fabric.contact",
         what: "fabric does not pass through itself",
         model: "penalty of nodes against faces and of free edges and ridges against each other, pairs by hashes of boxes; off: fabric passes \

@@ -5,6 +5,7 @@
 //! assembles for all of them.
 
 pub mod air;
+pub mod bending;
 pub mod bent;
 pub mod cable;
 pub mod load;

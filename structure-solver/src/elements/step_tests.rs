@@ -170,7 +170,7 @@ fn the_matrix_of_quadrilaterals_is_the_derivative_of_their_forces() {
         fixed: vec![(0, [true; 3])],
         ..Default::default()
     };
-    let surface = Surface { quadrilaterals: true, warp: None };
+    let surface = Surface { quadrilaterals: true, ..Surface::default() };
     let model = Model::with(&Comm::solo(), &mesh, &[0; 5], surface).expect("a good mesh");
     let law = KelvinVoigt::new(TensionField::new(7.0, 0.3), 0.3);
     let quads = Elements::quads(&model, law, 0.1, 2.0);

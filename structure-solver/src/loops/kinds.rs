@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::Elements;
 use crate::elements::air::{self, Cylinder, LineDrag};
+use crate::elements::bending::Bending;
 use crate::elements::bent::BentFace;
 use crate::elements::cable::{AxialStress, Cable};
 use crate::elements::membrane::Triangle;
@@ -59,6 +60,16 @@ impl Elements<BentFace, 4> {
         };
         // No energy is counted.
         Self::new(BentFace, model.split_faces.iter().map(of), 0, None)
+    }
+}
+
+impl Elements<Bending, 6> {
+    /// Bending of all patches of `model`, of a stiffness in N m.
+    pub fn bending(model: &Model, stiffness: f64) -> Self {
+        let kernel = Bending::new(stiffness);
+        let parts: Vec<_> =
+            model.patches.iter().map(|p| (p.nodes, NO_FACE, kernel.element(&p.reference))).collect();
+        Self::new(kernel, parts.into_iter(), model.n_own_patches, None)
     }
 }
 

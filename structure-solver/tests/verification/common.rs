@@ -55,7 +55,7 @@ pub fn membrane(mesh: &StructureMesh, material: impl Material) -> System {
 
 /// A membrane of a choice of elements, with the direction of the warp where it counts.
 pub fn fabric(mesh: &StructureMesh, material: impl Material, element: Element, warp: Option<Warp>) -> System {
-    let surface = Surface { quadrilaterals: element == Element::Quad, warp };
+    let surface = Surface { quadrilaterals: element == Element::Quad, warp, bending: false };
     let owner = vec![0; mesh.coords.len()];
     let model = Model::with(&Comm::solo(), mesh, &owner, surface).expect("a good mesh");
     let loops: Vec<Box<dyn ElementLoop>> = vec![match element {

@@ -82,7 +82,7 @@ fn a_free_vibration_keeps_its_energy_over_10_000_steps() {
 }
 
 /// Linear and angular momentum about the origin.
-fn momenta(d: &Dynamics) -> [[f64; 3]; 2] {
+pub fn momenta(d: &Dynamics) -> [[f64; 3]; 2] {
     let s = &d.accepted;
     let mut p = vec![0.0; s.v.len()];
     d.system.add_mass_product(&s.v, &mut p);

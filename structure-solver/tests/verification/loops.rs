@@ -75,7 +75,7 @@ fn patch() -> StructureMesh {
 /// Elements of one kind alone, and their system with the pattern of all others, which carry nothing.
 fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
     let quads = matches!(kind, Kind::Quads | Kind::FieldQuads | Kind::QuadDamping);
-    let surface = Surface { quadrilaterals: quads, warp: None };
+    let surface = Surface { quadrilaterals: quads, ..Surface::default() };
     let owner = vec![0; mesh.coords.len()];
     let ties = [[0, 4], [4, 5], [5, 6]];
     let model = Model::with_ties(&Comm::solo(), mesh, &owner, surface, &ties).expect("a good mesh");

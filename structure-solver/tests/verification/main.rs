@@ -2,6 +2,7 @@
 //! argues its tolerance.
 
 mod air_bag;
+mod bending;
 mod cables;
 mod common;
 mod convergence;

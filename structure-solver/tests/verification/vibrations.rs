@@ -11,7 +11,7 @@ use crate::common::*;
 use crate::shapes::*;
 
 /// Time of `count` half periods of component `i`, by its zero crossings.
-fn half_periods(d: &mut Dynamics, i: usize, dt: f64, count: usize, body: [f64; 3]) -> f64 {
+pub fn half_periods(d: &mut Dynamics, i: usize, dt: f64, count: usize, body: [f64; 3]) -> f64 {
     let mut crossings = Vec::new();
     let mut before = d.accepted.u[i];
     for step in 0..20_000 {

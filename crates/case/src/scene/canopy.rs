@@ -35,7 +35,7 @@ pub enum Canopy {
     Gmsh(GmshCanopy),
     /// A flat rectangular panel in the plane z = 0, its middle at the origin; a flow needs `[flow.box]`.
     ///
-    /// It has no stiffness across its plane except that of `fabric.prestress_pa`.
+    /// It has no stiffness across its plane except that of `fabric.prestress_pa` and `fabric.bending_stiffness_n_m`.
     Panel(PanelCanopy),
     /// No canopy: the flow around rigid bodies alone, which are wall patches of `[flow.grid_file]`. All stages are of kind
     /// `flow-only`; `[fabric]` and `[lines]` are left out.
@@ -160,7 +160,7 @@ pub struct GmshCanopy {
 }
 
 /// A flat rectangular panel in the plane z = 0, its middle at the origin. It has no
-/// stiffness across its plane but for `fabric.prestress_pa`.
+/// stiffness across its plane but for `fabric.prestress_pa` and `fabric.bending_stiffness_n_m`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PanelCanopy {

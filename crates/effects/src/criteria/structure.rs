@@ -98,6 +98,34 @@ pub fn prestress(s: &Scope<'_>) -> Assessment {
     )
 }
 
+/// Bending stiffness of light nylon cloth, N m (Kawabata's test: 0.01 to 0.1 gf cm2/cm).
+const LIGHT_CLOTH: f64 = 1e-5;
+
+/// Fabric under the tension $`T = p R`$ with the bending stiffness D folds with the wavelength
+/// $`l = 2 \sqrt{\pi}\,(D/T)^{1/4} R^{1/2}`$ over a length R (Cerda and Mahadevan, Phys. Rev. Lett. 90, 2003), not as finely as a tension
+/// field does; as in `wrinkling` folds of that size take the share $`(1 - 2/\pi)\, l / R`$ of the area. Within a factor of 5.
+pub fn bending(s: &Scope<'_>) -> Assessment {
+    let n = s.n;
+    if n.pressure <= 0.0 {
+        return Assessment::not("no pressure is given that would fold the fabric");
+    }
+    let radius = 0.5 * n.width;
+    let folds = |stiffness: f64| 2.0 * (PI * radius).sqrt() * (stiffness / (n.pressure * radius)).powf(0.25);
+    let Some(stiffness) = s.scene().fabric.bending_stiffness_n_m else {
+        let width = folds(LIGHT_CLOTH);
+        return Assessment::not(format!(
+            "the bending stiffness is not given; light cloth ({LIGHT_CLOTH:.0e} N m) folds with a wavelength of {width:.3} m"
+        ));
+    };
+    let width = folds(stiffness);
+    let resolved = if width < 2.0 * n.cell { "too fine for" } else { "resolved by" };
+    s.of(
+        &Influence::of_canopy(HOOP_SLACK * width / radius),
+        &unsigned(5.0),
+        format!("folds have a wavelength of {width:.3} m, {resolved} cells of {:.3} m", n.cell),
+    )
+}
+
 /// Contact acts where the fabric folds upon itself, which the scene alone does not say.
 pub fn contact(s: &Scope<'_>) -> Assessment {
     let skirt = PI * s.n.width;

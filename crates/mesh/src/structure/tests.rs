@@ -21,6 +21,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             safety_factor: None,
             wrinkling: true,
             prestress_pa: 0.0,
+            bending_stiffness_n_m: None,
             orthotropic: None,
             permeability: None,
             contact: None,
