@@ -130,6 +130,8 @@ STATISTICS = {
         "energy_excess": 23,
         "support_force": 24,
         "vertical_momentum": 25,
+        "max_membrane_force": 26,
+        "membrane_force_99": 27,
     },
     "flow": {
         "force_x": 0,

@@ -4,6 +4,8 @@
 const UNITS: &[(&str, &str)] = &[
     ("_pa_s2_m2", "Pa s²/m²"),
     ("strength_n_m", "N/m"),
+    ("force_n_m", "N/m"),
+    ("force_99_n_m", "N/m"),
     ("_pa_s_m", "Pa s/m"),
     ("_rad_s", "rad/s"),
     ("_kg_m3", "kg/m³"),
@@ -55,6 +57,8 @@ fn units_are_read_from_the_ends_of_names() {
         ("mass_kg_m", Some("kg/m")),
         ("strength_n_m", Some("N/m")),
         ("strength_n", Some("N")),
+        ("max_membrane_force_n_m", Some("N/m")),
+        ("membrane_force_99_n_m", Some("N/m")),
         ("canopy_moment_x_n_m", Some("N m")),
         ("cells_across", None),
         ("k", None),
