@@ -390,4 +390,23 @@ mod tests {
         let sum = plain.lines + masses.risers + masses.all_tapes();
         assert!((masses.cables - sum).abs() < 1e-14 * sum, "{masses:?}");
     }
+
+    /// Four risers with attachments 0.3 m apart: the payload is on the axis, below the canopy by less than lines and risers, and every part of the suspended mass is counted once:
+    /// 24 lines of 7 m, 4 risers of 0.76 m.
+    #[test]
+    fn payload_of_several_attachments_is_their_mean() {
+        let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+            .join("../../coupler/tests/reference/examples/gored.toml");
+        let canopy = CanopyInterface::new(&case::load(&file).expect("a scene")).expect("a canopy");
+        let [x, y, z] = canopy.payload.expect("a payload at rest in the frame");
+        assert!(x.hypot(y) < 1e-12 && (-7.76..-6.0).contains(&z), "{:?}", canopy.payload);
+        let angle = canopy.pendulum_angle(&vec![0.0; 3 * canopy.coords.len()]).expect("an angle");
+        assert!(angle < 1e-12, "{angle}");
+        let m = &canopy.masses;
+        assert_eq!(canopy.sizes.risers, 4);
+        assert!((m.risers - 4.0 * 0.76 * 0.05).abs() < 1e-12, "{m:?}");
+        assert!((m.lines - 24.0 * 7.0 * 3.11e-6 * 1223.50932).abs() < 1e-12, "{m:?}");
+        let parts: f64 = m.parts().iter().map(|p| p.1).sum();
+        assert!((parts - m.suspended()).abs() < 1e-13 * parts && m.points == 0.0, "{m:?}");
+    }
 }

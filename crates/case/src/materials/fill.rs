@@ -11,7 +11,6 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::{FabricMaterial, LineMaterial, RiserMaterial, TapeMaterial};
-use crate::TapePlace;
 
 /// Keys that the library gives, as TOML, by section and name of the material.
 static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLock::new(|| {
@@ -53,8 +52,8 @@ pub(crate) fn fill(document: &mut DeTable<'_>) {
         }
     }
     if let Some(tapes) = table_of(document, "tapes") {
-        for place in TapePlace::ALL {
-            if let Some(table) = table_of(tapes, place.name()) {
+        for (_, place) in tapes.iter_mut() {
+            if let DeValue::Table(table) = place.get_mut() {
                 fill_table(table, "tapes", has_flow);
             }
         }
