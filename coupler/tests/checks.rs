@@ -45,6 +45,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("plate-gmsh/scene.toml", &[]),
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
     ("validation/flexible-cavity/scene.toml", &[]),
+    ("validation/inverted-flag/scene.toml", &[]),
 ];
 
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/checks.md");

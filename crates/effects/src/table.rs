@@ -135,7 +135,7 @@ pub const TABLE: &[Entry] = &[
         criterion: "folds of width l = 2 sqrt(pi) (D / T)^(1/4) R^(1/2) take (1 - 2/pi) l / R of the area; within a factor of 5",
         on: |s| s.fabric.bending_stiffness_n_m.is_some(),
         assess: c::bending,
-        cost: "a structure step 1.5 to 3 times: rows of the matrix are three times as long",
+        cost: "processor time of the structure 2.1 times, implicit and explicit (ATPS, 24 cells across)",
         needs: None,
         without: Some(|s| s.fabric.bending_stiffness_n_m = None),
         with: None,
