@@ -155,6 +155,7 @@ const DURING: &[(&str, &str, &str)] = &[
     ),
     ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
     ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
+    ("flow.unloaded-canopy", "crates/results/src/summary.rs", "canopy_without_a_load_is_warned_of"),
     ("strength.safety-factor", "crates/results/src/strength.rs", "load_above_the_strength_is_reported"),
     (
         "stages.release-pressure",

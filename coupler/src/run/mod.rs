@@ -131,6 +131,11 @@ impl<'a> Run<'a> {
         let overloaded = summary.safety_factors.iter().filter_map(|f| f.warning(&summary.name));
         overloaded.for_each(|text| self.console.warning(&text));
         if ended.is_ok()
+            && let Some(text) = summary.unloaded_canopy(context.scene, context.interface)
+        {
+            self.console.warning(&text);
+        }
+        if ended.is_ok()
             && self.prepared.scene.main_stage() == stage
             && let Some(verdict) = summary.wake.as_ref().and_then(Wake::verdict)
         {

@@ -278,7 +278,11 @@ fn flow(t: CanopyType, d: f64, wind: Option<f64>) -> String {
     text += "\n[flow.immersed]              # the canopy moves through a Cartesian grid\n";
     text +=
         &key("spacing_m", digits(spacing), "cells around the canopy: the answer depends on it, refine it");
-    text += "\n[coupling]\ntolerance = 5e-3             # of the change over a window\n\n";
+    text += "\n[coupling]\ntolerance = 5e-3             # of the change over a window\n";
+    if wind.is_none() {
+        text += "acceleration = \"iqn-ils\"     # one structure solve for each flow solve; \"ibqn-ls\" for longer windows\n";
+    }
+    text += "\n";
     text += "[output]\nsurface_every_windows = 25\nvolume_every_windows = 0\n\n";
     text
 }

@@ -150,7 +150,7 @@ fn elements(f: &Facts<'_>) -> f64 {
 fn model_faces(f: &Facts<'_>) -> f64 {
     let c = &f.scene.coupling;
     let model = match c.scheme {
-        Scheme::Implicit => f.scene.acceleration() == Acceleration::IbqnLs,
+        Scheme::Implicit => c.acceleration == Acceleration::IbqnLs,
         Scheme::Staggered => c.staggered.sequence == case::StaggeredSequence::AddedMass,
     };
     if model && f.has(StageKind::Coupled) {
@@ -265,7 +265,7 @@ fn seconds(f: &Facts<'_>, s: &Stage) -> f64 {
         StageKind::Prescribed => flow + mesh,
         StageKind::Coupled => match f.scene.coupling.scheme {
             Scheme::Implicit => {
-                let surrogate = f.scene.acceleration() == Acceleration::IbqnLs;
+                let surrogate = f.scene.coupling.acceleration == Acceleration::IbqnLs;
                 let [flows, responses] = if surrogate { BLOCK_SOLVES } else { PLAIN_SOLVES };
                 flows * flow + mesh + responses * structure + PAIR_S * model_faces(f).powi(2)
             }

@@ -163,6 +163,17 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "flow.unloaded-canopy",
+        what: "the air exerts a force on an immersed canopy",
+        estimate: "force in the last window of the stage over dynamic pressure and nominal area",
+        range: "warning below 1e-4",
+        source: "a gathered canopy of two cells across carries 3e-3 (the flat circular canopy of ripstop new); one that is narrower than a cell lets the \
+                 stream pass through a column of cells and carries nothing",
+        severity: Warning,
+        remedy: "a smaller flow.immersed.spacing_m, or a wider start (a longer reefing line, a higher pressure)",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "strength.safety-factor",
         what: "fabric, lines and risers carry less than their strength",
         estimate: "strength over the largest load at the ends of windows (safety_factors in summary.json): of lines lines.strength_n over \

@@ -33,11 +33,8 @@ impl CoupledStage<'_> {
     /// The window loop from `state`, and lines for the log.
     pub fn window_loop(&self, state: InterfaceState) -> (WindowLoop, Vec<String>) {
         let (interface, mut lines) = (self.interface, Vec::new());
-        let coupling = &Coupling {
-            load_interpolation: Some(self.scene.load_shape()),
-            acceleration: Some(self.scene.acceleration()),
-            ..self.scene.coupling.clone()
-        };
+        let coupling =
+            &Coupling { load_interpolation: Some(self.scene.load_shape()), ..self.scene.coupling.clone() };
         let motion = Unknowns::new(interface.nodes(), self.window_s(), self.descent.is_some());
         let mut fields = self.fields(&state, motion);
         let unknowns = self.with_loads(motion, &mut fields);
@@ -160,8 +157,7 @@ impl CoupledStage<'_> {
             ));
         }
         // Each window has several inner solves: columns of few windows suffice.
-        let iqn =
-            Coupling { acceleration: Some(Acceleration::IqnIls), reused_windows: 4, ..coupling.clone() };
+        let iqn = Coupling { acceleration: Acceleration::IqnIls, reused_windows: 4, ..coupling.clone() };
         let rest = self.relaxation(unknowns, added);
         model.map(|model| Surrogate { model, accelerator: accelerator(&iqn, unknowns.len(), rest) })
     }

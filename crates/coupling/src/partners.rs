@@ -92,7 +92,7 @@ pub struct Usage {
 /// }
 ///
 /// let coupling = Coupling {
-///     acceleration: Some(Acceleration::IqnIls),
+///     acceleration: Acceleration::IqnIls,
 ///     load_interpolation: Some(LoadShape::Linear),
 ///     tolerance: 1e-6,
 ///     ..Coupling::default()

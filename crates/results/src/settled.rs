@@ -8,7 +8,7 @@ use crate::long_term::{LongTerm, METHOD, MIN_BATCHES, State, long_term};
 pub const QUANTITIES: [(&str, &str, &str); 8] = [
     ("descent_speed_m_s", "descent speed", "m/s"),
     ("drag_n", "drag", "N"),
-    ("cd", "drag coefficient", "-"),
+    ("cd", "drag coefficient at the reference speed", "-"),
     ("projected_area_m2", "projected area", "m2"),
     ("volume_m3", "volume", "m3"),
     ("riser_force_n", "riser force", "N"),

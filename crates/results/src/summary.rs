@@ -148,6 +148,11 @@ pub struct StageSummary {
     pub wake_samples: Vec<Sample>,
 }
 
+/// Force of the air over dynamic pressure and nominal area below which a canopy carries no load.
+const UNLOADED: f64 = 1e-4;
+/// Check of the table that this is.
+const UNLOADED_CHECK: &str = "flow.unloaded-canopy";
+
 /// Solves of the structure for each flow solve above which those against the surrogate are most of them.
 const MANY_SOLVES: f64 = 4.0;
 
@@ -244,6 +249,23 @@ impl StageSummary {
         }
     }
 
+    /// The warning of an immersed canopy on which the air of the last window exerts no force: what a stage that follows starts from.
+    pub fn unloaded_canopy(&self, scene: &Scene, interface: &CanopyInterface) -> Option<String> {
+        scene.flow.as_ref().filter(|f| f.is_immersed())?;
+        let reference = OpeningReference::of(scene, interface)?;
+        let last = self.wake_samples.last()?;
+        let force = last.drag_n.hypot(last.side_n[0]).hypot(last.side_n[1]);
+        let scale = 0.5 * reference.density_kg_m3 * last.speed_m_s.powi(2) * reference.nominal_area_m2;
+        (force < UNLOADED * scale).then(|| {
+            format!(
+                "end of stage `{}`: the air of {:.3} m/s exerts {force:.3e} N on the canopy, below 1e-4 of dynamic pressure and nominal area \
+                 ({scale:.3e} N) [{UNLOADED_CHECK}]. Likely cause: a gathered or folded canopy that is narrower than a cell is a tube that the \
+                 stream passes. Remedies: a smaller flow.immersed.spacing_m, or a wider start (a longer reefing line, a higher pressure)",
+                self.name, last.speed_m_s
+            )
+        })
+    }
+
     /// What to change where the solves of the structure against the surrogate of the flow take most of the time, in words.
     fn structure_cost(&self) -> Option<String> {
         let (structure, flow) = (self.structure_solves as f64, self.flow_solves as f64);
@@ -251,7 +273,7 @@ impl StageSummary {
         let inner = self.kind == StageKind::Coupled && structure > MANY_SOLVES * flow;
         (inner && self.structure_busy_s > self.flow_busy_s && share > 0.5).then(|| {
             format!(
-                "  {}: the structure took {:.0} % of the wall time in {:.1} solves for each flow solve; coupling.acceleration = \"iqn-ils\" has one",
+                "  {}: the structure took {:.0} % of the wall time in {:.1} solves for each flow solve; coupling.acceleration = \"iqn-ils\" has one (for short windows)",
                 self.name,
                 100.0 * share,
                 structure / flow
@@ -474,6 +496,29 @@ impl RunSummary {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A force of 1 N on 0.5 x 1.225 kg/m3 x (20 m/s)^2 x 57.1 m2 = 14 kN is none; 2 N are one, as is 1 N at 10 m/s; fitted grids are not judged.
+    #[test]
+    fn canopy_without_a_load_is_warned_of() {
+        let text = include_str!("../../../cases/flat-circular-opening/scene.toml");
+        let parse = |text: &str| case::parse(Path::new("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
+        let scene = parse(&text.replace("density_kg_m3 = 1.0 ", "density_kg_m3 = 1.225 "));
+        let canopy = CanopyInterface::new(&scene).expect("a canopy");
+        let of = |drag_n: f64, side: f64, speed_m_s: f64| {
+            let sample = Sample { drag_n, side_n: [side, 0.0], speed_m_s, ..Sample::default() };
+            StageSummary {
+                wake_samples: vec![Sample::default(), sample],
+                ..StageSummary::new(&scene.stages[1])
+            }
+        };
+        let text = of(1.0, 0.0, 20.0).unloaded_canopy(&scene, &canopy).expect("a warning");
+        assert!(text.starts_with("end of stage `stream`: the air of 20.000 m/s exerts 1.000e0 N"), "{text}");
+        for loaded in [of(2.0, 0.0, 20.0), of(0.0, 2.0, 20.0), of(1.0, 0.0, 10.0), of(0.0, 0.0, 0.0)] {
+            assert_eq!(loaded.unloaded_canopy(&scene, &canopy), None);
+        }
+        let fitted = parse(include_str!("../../../cases/atps-descent/scene.toml"));
+        assert_eq!(of(0.0, 0.0, 20.0).unloaded_canopy(&fitted, &canopy), None);
+    }
 
     /// 76 % of 100 s in 14 solves for each flow solve; fewer solves, a costlier flow or another kind of stage say nothing.
     #[test]

@@ -27,9 +27,8 @@ pub struct Coupling {
     /// Relaxation of the first iteration, of all with `constant`, and of the load with
     /// `staggered.sequence = "relaxed-load"`.
     pub relaxation: f64,
-    /// Acceleration of the iterations. Absent: `ibqn-ls`; `iqn-ils` where the canopy opens from a gathered skirt, whose structure costs more than the
-    /// flow.
-    pub acceleration: Option<Acceleration>,
+    /// Acceleration of the iterations.
+    pub acceleration: Acceleration,
     /// Windows before the current one whose columns quasi-Newton reuses.
     pub reused_windows: u32,
     /// Most panels of the added-mass surrogate, a dense matrix with one row for each canopy face. The faces of a
@@ -55,7 +54,7 @@ impl Default for Coupling {
             tolerance: 1e-3,
             max_iterations: 30,
             relaxation: 0.1,
-            acceleration: None,
+            acceleration: Acceleration::IbqnLs,
             reused_windows: 8,
             added_mass_max_panels: 4000,
             velocity_average: None,
@@ -82,25 +81,12 @@ impl Scene {
         let of_flow = if immersed { LoadShape::Constant } else { LoadShape::Mean };
         self.coupling.load_interpolation.unwrap_or(of_flow)
     }
-
-    /// Acceleration of the iterations of an implicit window: the scene's, or that of its kind. Folded fabric with contact takes many explicit steps a
-    /// window, each more expensive than in a taut canopy, and its response to a change of load is not smooth: each solve against the surrogate then costs
-    /// more than the flow solve that it saves (docs/decisions/0063-acceleration-by-scene.md).
-    pub fn acceleration(&self) -> Acceleration {
-        let of_kind = if self.opens_gathered() { Acceleration::IqnIls } else { Acceleration::IbqnLs };
-        self.coupling.acceleration.unwrap_or(of_kind)
-    }
 }
 
 impl Coupling {
     /// Load over the substeps of a window where the flow reports that at its end.
     pub fn load_shape(&self) -> LoadShape {
         self.load_interpolation.unwrap_or(LoadShape::Mean)
-    }
-
-    /// Acceleration of the iterations of an implicit window of any canopy.
-    pub fn acceleration(&self) -> Acceleration {
-        self.acceleration.unwrap_or(Acceleration::IbqnLs)
     }
 }
 

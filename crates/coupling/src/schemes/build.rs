@@ -132,7 +132,7 @@ fn surrogate<S: FromSurrogate>() -> SchemeRow {
 fn scheme_row(coupling: &Coupling) -> SchemeRow {
     match coupling.scheme {
         Scheme::Staggered => staggered(coupling.staggered.sequence),
-        Scheme::Implicit => implicit(coupling.order, coupling.acceleration()),
+        Scheme::Implicit => implicit(coupling.order, coupling.acceleration),
     }
 }
 
@@ -144,7 +144,7 @@ pub fn needs_surrogate(coupling: &Coupling) -> bool {
 /// The acceleration of a scene, for vectors of length `unknowns`. `rest` relaxes the part of a residual that no
 /// column spans.
 pub fn accelerator(coupling: &Coupling, unknowns: usize, rest: Box<dyn Relaxation>) -> Box<dyn Accelerator> {
-    (acceleration(coupling.acceleration()).construct)(coupling, unknowns, rest)
+    (acceleration(coupling.acceleration).construct)(coupling, unknowns, rest)
 }
 
 /// The scheme of a scene; its fallback where the required surrogate is missing.
@@ -163,7 +163,7 @@ pub fn describe(coupling: &Coupling) -> String {
     let (order, by) = match coupling.scheme {
         Scheme::Staggered => return format!("staggered: {scheme}"),
         Scheme::Implicit if row.construct_with.is_some() => ("implicit".into(), scheme),
-        Scheme::Implicit => (scheme, (acceleration(coupling.acceleration()).describe)(coupling)),
+        Scheme::Implicit => (scheme, (acceleration(coupling.acceleration).describe)(coupling)),
     };
     format!(
         "{order}: at most {} iterations per window to a tolerance of {:.0e}, accelerated by {by}",

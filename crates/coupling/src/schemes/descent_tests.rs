@@ -117,7 +117,7 @@ fn model(equation: DescentEquation, weight: Weight) -> DescentModel {
 
 fn implicit() -> Coupling {
     Coupling {
-        acceleration: Some(Acceleration::IqnIls),
+        acceleration: Acceleration::IqnIls,
         relaxation: 0.02,
         max_iterations: 60,
         tolerance: 1e-9,

@@ -153,7 +153,7 @@ fn relaxed_load(predictor: u32) -> Coupling {
 
 fn implicit(acceleration: Acceleration, order: CouplingOrder, load: LoadShape) -> Coupling {
     Coupling {
-        acceleration: Some(acceleration),
+        acceleration,
         order,
         load_interpolation: Some(load),
         tolerance: 1e-10,

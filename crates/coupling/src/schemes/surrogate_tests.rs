@@ -127,7 +127,7 @@ fn run_windows(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result
     let surrogate = needs_surrogate(coupling).then(|| Surrogate {
         model: model(share * AIR),
         accelerator: accelerator(
-            &Coupling { acceleration: Some(Acceleration::IqnIls), ..coupling.clone() },
+            &Coupling { acceleration: Acceleration::IqnIls, ..coupling.clone() },
             unknowns.len(),
             rest(),
         ),
@@ -153,7 +153,7 @@ fn run_windows(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result
 }
 
 fn implicit(acceleration: Acceleration) -> Coupling {
-    Coupling { acceleration: Some(acceleration), tolerance: 1e-6, max_iterations: 60, ..Coupling::default() }
+    Coupling { acceleration, tolerance: 1e-6, max_iterations: 60, ..Coupling::default() }
 }
 
 fn added_mass() -> Coupling {

@@ -144,13 +144,7 @@ impl ClosedForm for AddedMass {
 }
 
 fn coupling(acceleration: Acceleration, relaxation: f64) -> Coupling {
-    Coupling {
-        acceleration: Some(acceleration),
-        relaxation,
-        max_iterations: 60,
-        tolerance: 1e-6,
-        ..Coupling::default()
-    }
+    Coupling { acceleration, relaxation, max_iterations: 60, tolerance: 1e-6, ..Coupling::default() }
 }
 
 fn window_loop(coupling: &Coupling, descent: Option<DescentModel>, velocity: f64) -> WindowLoop {

@@ -180,7 +180,7 @@ pub(super) mod tests {
         let last = &all[23].scene.coupling;
         assert_eq!(
             (last.scheme, last.acceleration, last.load_interpolation),
-            (case::Scheme::Implicit, Some(case::Acceleration::Aitken), Some(case::LoadShape::Linear))
+            (case::Scheme::Implicit, case::Acceleration::Aitken, Some(case::LoadShape::Linear))
         );
         let wrong = Axes { schemes: vec![SchemeChoice("magic".into())], ..axes };
         assert!(samples(&base(), &wrong, Path::new("/tmp/x")).unwrap_err().to_string().contains("magic"));

@@ -18,7 +18,7 @@ use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 /// use coupling::schemes::{Uniform, accelerator};
 ///
 /// let response = |x: &[f64]| vec![4.0 - 3.0 * x[0], 1.0 + 0.5 * x[0] - 2.0 * x[1]];
-/// let coupling = Coupling { acceleration: Some(Acceleration::IqnIls), ..Coupling::default() };
+/// let coupling = Coupling { acceleration: Acceleration::IqnIls, ..Coupling::default() };
 /// let mut newton = accelerator(&coupling, 2, Box::new(Uniform(0.1)));
 /// let (mut x, mut next) = (vec![0.0; 2], vec![0.0; 2]);
 /// newton.begin_window();
