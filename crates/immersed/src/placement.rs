@@ -97,11 +97,10 @@ mod tests {
         for width in (1..8).map(|n| 0.1 * f64::from(n) - 0.03) {
             let bounds = [Vector3::new(-0.2, 0.3, 0.0), Vector3::new(-0.2 + width, 0.3 + width, 4.0)];
             let grid = SIZES.grid(&bounds, Vector3::z());
-            for d in 0..2 {
-                let axis = &grid.axes[d];
+            for (axis, low) in grid.axes.iter().zip([-0.2, 0.3]) {
                 let middle = axis.faces[axis.core.start + axis.core.len() / 2];
                 assert_eq!(axis.core.len() % 2, 0, "{width}");
-                assert!((middle - 0.5 * (bounds[0][d] + bounds[1][d])).abs() < 1e-12, "{middle}");
+                assert!((middle - low - 0.5 * width).abs() < 1e-12, "{middle}");
             }
         }
     }
