@@ -316,7 +316,7 @@ impl History {
 
 /// Columns of the history that are statistics of the participant. Works are those of
 /// the window.
-const COLUMNS: [(&str, usize); 15] = [
+const COLUMNS: [(&str, usize); 19] = [
     ("structure_kinetic_energy_j", stat::KINETIC_ENERGY),
     ("structure_strain_energy_j", stat::STRAIN_ENERGY),
     ("structure_load_work_j", stat::LOAD_WORK),
@@ -325,6 +325,10 @@ const COLUMNS: [(&str, usize); 15] = [
     ("max_line_tension_n", stat::MAX_LINE_TENSION),
     ("max_membrane_force_n_m", stat::MAX_MEMBRANE_FORCE),
     ("membrane_force_99_n_m", stat::MEMBRANE_FORCE_99),
+    ("max_hem_tape_tension_n", stat::MAX_HEM_TAPE_TENSION),
+    ("max_seam_tape_tension_n", stat::MAX_SEAM_TAPE_TENSION),
+    ("max_vent_tape_tension_n", stat::MAX_VENT_TAPE_TENSION),
+    ("max_grid_tape_tension_n", stat::MAX_GRID_TAPE_TENSION),
     ("projected_area_m2", stat::PROJECTED_AREA),
     ("volume_m3", stat::VOLUME),
     ("structure_newton_steps", stat::NEWTON_STEPS),

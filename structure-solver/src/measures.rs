@@ -1,5 +1,6 @@
 //! Numbers that describe a state: energies, loads, areas, tensions, volume.
 
+use case::TapePlace;
 use mesh::{CableKind, StructureMesh};
 
 use crate::elements::load::area_vector;
@@ -35,6 +36,8 @@ pub struct Measures {
     pub max_membrane_force: f64,
     /// Membrane force that 99 % of the unstressed area does not exceed, N/m.
     pub membrane_force_99: f64,
+    /// Largest tension of a tape at each place, N, in the order of [`TapePlace::ALL`].
+    pub max_tape_tensions: [f64; TapePlace::ALL.len()],
     /// Vertical momentum of the nodes of free height in the frame, N s.
     pub vertical_momentum: f64,
 }
@@ -47,6 +50,8 @@ pub struct Diagnostics {
     held: Vec<(u32, usize)>,
     /// Cables counted here that are suspension lines.
     lines: Vec<u32>,
+    /// Cables counted here that are tapes: cable, place, and the number of tapes that it stands for.
+    tapes: Vec<(u32, TapePlace, f64)>,
     /// Thickness of the fabric, m.
     thickness: f64,
     x: Vec<f64>,
@@ -75,15 +80,17 @@ impl Diagnostics {
         let hem = (0..model.n_owned()).filter(|&i| is_hem[model.numbering.global[i] as usize]);
         let fixed = |n: u32| (0..3).all(|c| model.fixed[3 * n as usize + c]);
         let mut held = Vec::new();
-        let mut lines = Vec::new();
+        let (mut lines, mut tapes) = (Vec::new(), Vec::new());
         for (k, c) in model.cables[..model.n_own_cables].iter().enumerate() {
-            if c.kind == CableKind::SuspensionLine {
-                lines.push(k as u32);
+            match c.kind {
+                CableKind::SuspensionLine => lines.push(k as u32),
+                CableKind::Tape(place) => tapes.push((k as u32, place, c.share)),
+                _ => {}
             }
             held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
         }
         let zero = || vec![0.0; 3 * model.n_local()];
-        Self { hem: hem.map(|i| i as u32).collect(), held, lines, thickness, x: zero(), w: zero() }
+        Self { hem: hem.map(|i| i as u32).collect(), held, lines, tapes, thickness, x: zero(), w: zero() }
     }
 
     /// Kinetic energy of `state` on owned nodes, J.
@@ -139,6 +146,11 @@ impl Diagnostics {
         let mut sums = [kinetic, strain, lift, area, volume, riser];
         comm.sum_slice(&mut sums);
         let tension = self.lines.iter().map(|&k| tensions[k as usize]).fold(0.0, f64::max);
+        let mut tapes = [0.0f64; TapePlace::ALL.len()];
+        for &(k, place, share) in &self.tapes {
+            let most = &mut tapes[place as usize];
+            *most = most.max(tensions[k as usize] / share);
+        }
         let [max_membrane_force, membrane_force_99] = self.membrane_forces(system);
         Measures {
             kinetic: sums[0],
@@ -150,6 +162,7 @@ impl Diagnostics {
             max_line_tension: comm.max(tension),
             max_membrane_force,
             membrane_force_99,
+            max_tape_tensions: tapes.map(|t| comm.max(t)),
             ..Measures::default()
         }
     }

@@ -309,6 +309,7 @@ impl StructureSolver {
         v[stat::MAX_LINE_TENSION] = m.max_line_tension;
         v[stat::MAX_MEMBRANE_FORCE] = m.max_membrane_force;
         v[stat::MEMBRANE_FORCE_99] = m.membrane_force_99;
+        v[stat::MAX_HEM_TAPE_TENSION..][..m.max_tape_tensions.len()].copy_from_slice(&m.max_tape_tensions);
         v[stat::RESIDUAL] = info.residual;
         v[stat::RESIDUAL_TARGET] = info.target;
         v[stat::UNCONVERGED] = info.unconverged as f64;

@@ -32,8 +32,8 @@ the difference is less than 8 %. Real cloth and braid are not linear.
 - **Permeability** in cubic feet a minute through a square foot (cfm) holds at half an inch of water and gives the viscous coefficient only. A \
 scene without `[flow]` gets none.
 - **Risers** have the axial stiffness (modulus times area), the mass for each metre and the strength of one line or one webbing of the entry.
-- **Tapes** take axial stiffness and mass of an entry. Their tension is no column of the history and has no estimate before the run: no safety factor \
-is stated, and `[tapes]` has no strength.
+- **Tapes** take axial stiffness, mass and strength of an entry. Their tension has no estimate before the run; the history has the largest one at \
+each place.
 - **Strength** is that of new material without seams, knots and wear. [Safety factors](checks.md#strengthsafety-factor) compare it with the run.
 
 1 oz/yd² = 33.906 g/m², 1 lb/in = 175.13 N/m, 1 lb = 4.4482 N, 1 ft/lb stands for 1.4882 kg/m over the figure, 1 cfm/ft² = 0.00508 m/s, \

@@ -111,6 +111,14 @@ pub mod structure_stats {
     pub const MAX_MEMBRANE_FORCE: usize = 26;
     /// Membrane force that 99 % of the unstressed area of the fabric does not exceed, N/m. 0: no tension, or not reported.
     pub const MEMBRANE_FORCE_99: usize = 27;
+    /// Largest tension of a tape of the hem at the end of the window, N. 0: no tension, or not reported.
+    pub const MAX_HEM_TAPE_TENSION: usize = 28;
+    /// Largest tension of a tape of the seams, N, as `MAX_HEM_TAPE_TENSION`.
+    pub const MAX_SEAM_TAPE_TENSION: usize = 29;
+    /// Largest tension of a tape of the vents, N, as `MAX_HEM_TAPE_TENSION`.
+    pub const MAX_VENT_TAPE_TENSION: usize = 30;
+    /// Largest tension of one tape of the grid, N, as `MAX_HEM_TAPE_TENSION`: that of an element over the tapes that it stands for.
+    pub const MAX_GRID_TAPE_TENSION: usize = 31;
 }
 
 /// Indices into [`Stats::values`] of the flow.

@@ -175,9 +175,10 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "strength.safety-factor",
-        what: "fabric, lines and risers carry less than their strength",
+        what: "fabric, lines, risers and tapes carry less than their strength",
         estimate: "strength over the largest load at the ends of windows (safety_factors in summary.json): of lines lines.strength_n over \
-                   max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound; of the fabric \
+                   max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound; of tapes \
+                   strength_n over the largest tension at their place (max_seam_tape_tension_n); of the fabric \
                    fabric.strength_n_m over max_membrane_force_n_m, the peak of one element, which grows at corners and lines as elements shrink, \
                    and next to it over membrane_force_99_n_m. Loads within a window are not seen, nor the strength of seams",
         range: "warning below 1 at the end of the stage; below safety_factor of the section the figure says so",

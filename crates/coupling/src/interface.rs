@@ -378,8 +378,13 @@ mod tests {
             std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
         let mut scene = case::load(&file).expect("a scene");
         let plain = CanopyInterface::new(&scene).expect("a canopy").masses;
-        let hem = case::Tape { material: None, axial_stiffness_n: 1e3, mass_kg_m: 1e-3 };
-        let grid = case::TapeGrid { material: None, axial_stiffness_n: 1e3, mass_kg_m: 4e-3, spacing_m: 0.5 };
+        let hem = case::Tape { axial_stiffness_n: 1e3, mass_kg_m: 1e-3, ..case::Tape::default() };
+        let grid = case::TapeGrid {
+            axial_stiffness_n: 1e3,
+            mass_kg_m: 4e-3,
+            spacing_m: 0.5,
+            ..case::TapeGrid::default()
+        };
         scene.tapes = Some(case::Tapes { hem: Some(hem), grid: Some(grid), ..case::Tapes::default() });
         scene.risers = Some(case::Risers { axial_stiffness_n: 1e4, mass_kg_m: 2e-3, ..Default::default() });
         let masses = CanopyInterface::new(&scene).expect("a canopy").masses;

@@ -68,6 +68,17 @@ pub(super) const MOTION: &[Panel] = &[
         &[("max_membrane_force_n_m", "largest"), ("membrane_force_99_n_m", "99 % of the area")],
     ),
     panel(
+        "Tension of the tapes",
+        "N",
+        "Largest tension of a tape at each place.",
+        &[
+            ("max_hem_tape_tension_n", "hem"),
+            ("max_seam_tape_tension_n", "seams"),
+            ("max_vent_tape_tension_n", "vents"),
+            ("max_grid_tape_tension_n", "grid"),
+        ],
+    ),
+    panel(
         "Energy of fabric and lines",
         "J",
         "Elastic and kinetic energy of the structure.",

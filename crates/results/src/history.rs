@@ -108,7 +108,7 @@ impl Column {
 }
 
 /// Statistics of the structure.
-const STRUCTURE_COLUMNS: [Column; 22] = {
+const STRUCTURE_COLUMNS: [Column; 26] = {
     use structure_stats as s;
     [
         Column::number("structure_kinetic_energy_j", s::KINETIC_ENERGY),
@@ -125,6 +125,10 @@ const STRUCTURE_COLUMNS: [Column; 22] = {
         Column::number("max_line_tension_n", s::MAX_LINE_TENSION),
         Column::number("max_membrane_force_n_m", s::MAX_MEMBRANE_FORCE),
         Column::number("membrane_force_99_n_m", s::MEMBRANE_FORCE_99),
+        Column::number("max_hem_tape_tension_n", s::MAX_HEM_TAPE_TENSION),
+        Column::number("max_seam_tape_tension_n", s::MAX_SEAM_TAPE_TENSION),
+        Column::number("max_vent_tape_tension_n", s::MAX_VENT_TAPE_TENSION),
+        Column::number("max_grid_tape_tension_n", s::MAX_GRID_TAPE_TENSION),
         Column::number("projected_area_m2", s::PROJECTED_AREA),
         Column::number("volume_m3", s::VOLUME),
         Column::count("structure_newton_steps", s::NEWTON_STEPS),

@@ -1,6 +1,6 @@
-//! Safety factors of fabric, lines and risers in a stage: strength over largest load, from its `history.csv`.
+//! Safety factors of fabric, lines, risers and tapes in a stage: strength over largest load, from its `history.csv`.
 
-use case::Scene;
+use case::{Scene, TapePlace};
 use serde::{Deserialize, Serialize};
 
 /// Check of the table that this is.
@@ -9,7 +9,7 @@ const CHECK: &str = "strength.safety-factor";
 /// Strength of a part of the parachute over its largest load in a stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SafetyFactor {
-    /// `lines`, `risers` or `fabric`.
+    /// Section of the scene: `fabric`, `lines`, `risers`, `tapes.hem`, `tapes.seams`, `tapes.vents` or `tapes.grid`.
     pub part: String,
     /// Largest tension or membrane force at the end of a window, in `unit`. Of a riser: the vertical force of all risers over their number,
     /// which the largest tension of a riser exceeds. Of the fabric: that of one element, which grows at corners and lines as elements shrink.
@@ -28,6 +28,16 @@ pub struct SafetyFactor {
     pub required: Option<f64>,
 }
 
+/// Column of the largest tension of the tapes at a place.
+fn tape_tension(place: TapePlace) -> &'static str {
+    match place {
+        TapePlace::Hem => "max_hem_tape_tension_n",
+        TapePlace::Seams => "max_seam_tape_tension_n",
+        TapePlace::Vents => "max_vent_tape_tension_n",
+        TapePlace::Grid => "max_grid_tape_tension_n",
+    }
+}
+
 /// Time and value of the largest positive value of `column`.
 fn largest(columns: &[(String, Vec<f64>)], column: &str) -> Option<(f64, f64)> {
     let get = |name: &str| columns.iter().find(|(n, _)| n == name).map(|(_, values)| values.iter());
@@ -37,7 +47,7 @@ fn largest(columns: &[(String, Vec<f64>)], column: &str) -> Option<(f64, f64)> {
 }
 
 impl SafetyFactor {
-    /// Of fabric, lines and risers whose strength the scene has, from the columns of a history. `risers` is their number. A part that is slack
+    /// Of fabric, lines, risers and tapes whose strength the scene has, from the columns of a history. `risers` is their number. A part that is slack
     /// throughout has none, nor has a fabric whose program reports no membrane force.
     pub fn of(scene: &Scene, risers: usize, columns: &[(String, Vec<f64>)]) -> Vec<Self> {
         let factor = |part: &str, strength: Option<f64>, required, column, share: f64| {
@@ -59,7 +69,11 @@ impl SafetyFactor {
         let own = scene.risers.as_ref().filter(|_| risers > 0);
         let own =
             own.and_then(|r| factor("risers", r.strength_n, r.safety_factor, "riser_force_n", risers as f64));
-        fabric.into_iter().chain(lines).chain(own).collect()
+        let tapes = scene.tapes.iter().flat_map(|t| t.places()).filter_map(|(place, t)| {
+            let part = format!("tapes.{}", place.name());
+            factor(&part, t.strength_n, t.safety_factor, tape_tension(place), 1.0)
+        });
+        fabric.into_iter().chain(lines).chain(own).chain(tapes).collect()
     }
 
     /// The smallest factor of each part among all stages, with the name of its stage; the smallest of all first.
@@ -96,7 +110,11 @@ impl SafetyFactor {
 
     /// The warning of a part that carries more than its strength in a stage.
     pub fn warning(&self, stage: &str) -> Option<String> {
-        let more = if self.part == "fabric" { "reinforcement by [tapes]" } else { "more lines" };
+        let more = match self.part.as_str() {
+            "fabric" => "reinforcement by [tapes]",
+            "lines" | "risers" => "more lines",
+            _ => "more gores and lines",
+        };
         (self.factor < 1.0).then(|| {
             format!(
                 "stage `{stage}`: {} [{CHECK}]. Nothing breaks in the run. Remedy: choose a stronger material for [{}], {more}, or a slower \
@@ -165,6 +183,32 @@ mod tests {
         let equal = scene("strength_n = 250.0", RISERS);
         let found = SafetyFactor::of(&equal, 4, &columns([100.0, 250.0, 90.0], [0.0; 3]));
         assert_eq!((found[0].factor, found[0].warning("descent")), (1.0, None));
+    }
+
+    /// The seams carry 1 000 of 1 200 N at 0.3 s: 1.2. The hem has no strength, the vents no tension.
+    #[test]
+    fn tapes_have_a_factor_at_each_place() {
+        let text = include_str!("../../../cases/atps-descent/scene.toml");
+        let section = "axial_stiffness_n = 1e4\nmass_kg_m = 0.01\n";
+        let tapes = format!(
+            "[tapes.hem]\n{section}[tapes.seams]\n{section}strength_n = 1200.0\nsafety_factor = 2.0\n\
+             [tapes.vents]\n{section}strength_n = 900.0\n[structure]"
+        );
+        let scene = case::parse(Path::new("scene.toml"), &text.replacen("[structure]", &tapes, 1))
+            .unwrap_or_else(|e| panic!("{e}"));
+        let column = |name: &str, values: [f64; 3]| (name.to_owned(), values.to_vec());
+        let history = [
+            column("time_s", [0.1, 0.2, 0.3]),
+            column(tape_tension(TapePlace::Hem), [9e9; 3]),
+            column(tape_tension(TapePlace::Seams), [10.0, 900.0, 1000.0]),
+            column(tape_tension(TapePlace::Vents), [0.0; 3]),
+        ];
+        let found = SafetyFactor::of(&scene, 4, &history);
+        let [seams] = &found[..] else { panic!("{found:?}") };
+        let line = "safety factor of tapes.seams 1.20, below the required 2: largest tension 1000.0 N at 0.3000 s, strength 1200.0 N";
+        assert_eq!((seams.line().as_str(), seams.warning("descent")), (line, None));
+        let torn = SafetyFactor { factor: 0.9, ..seams.clone() }.warning("opening").expect("a warning");
+        assert!(torn.contains("stronger material for [tapes.seams]"), "{torn}");
     }
 
     #[test]

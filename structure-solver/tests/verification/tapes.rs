@@ -8,6 +8,7 @@ use comm::Comm;
 use structure_solver::assemble;
 use structure_solver::dynamics::Dynamics;
 use structure_solver::loops::{Configuration, FaceLoad};
+use structure_solver::measures::Diagnostics;
 
 /// A strip of 3 m x 1 m of fabric of E t = 300 N/m without Poisson contraction, with a grid of tapes.
 fn strip(cells: [u32; 2], grid: &str, integration: &str) -> Scene {
@@ -83,6 +84,27 @@ fn a_taped_strip_has_the_stiffness_of_fabric_and_tapes() {
     }
 }
 
+/// One tape of a grid carries EA e lambda, however many an element stands for; the tapes of the hem have their own tension, and other places none.
+#[test]
+fn largest_tension_is_that_of_one_tape_at_each_place() {
+    let hem = "[tapes.hem]\naxial_stiffness_n = 70.0\nmass_kg_m = 2e-3\n";
+    let strain = |stretch: f64| 0.5 * (stretch * stretch - 1.0) * stretch;
+    for cells in [[6, 4], [5, 8], [7, 3], [3, 1]] {
+        let scene = strip(cells, &format!("{hem}{GRID}"), "");
+        let mut d = assembled(&scene);
+        let mesh = mesh::structure_mesh(&scene).expect("a mesh");
+        let mut diagnostics = Diagnostics::new(&d.system, &mesh, scene.fabric.thickness_m);
+        for (i, (u, x)) in d.accepted.u.iter_mut().zip(&d.system.model.reference).enumerate() {
+            *u = [0.04, 0.02, 0.0][i % 3] * x;
+        }
+        let load = FaceLoad { pressure: &vec![0.0; d.system.model.n_faces], traction: &[] };
+        let found = diagnostics.measure(&d.system, &d.accepted, load).max_tape_tensions;
+        let exact = [70.0 * strain(1.04), 0.0, 0.0, 500.0 * strain(1.04)];
+        let error = found.iter().zip(exact).map(|(f, e)| (f - e).abs()).fold(0.0, f64::max);
+        assert!(error < 1e-11 * exact[3], "{cells:?}: {found:?} is not {exact:?}");
+    }
+}
+
 /// A shortened tape pushes only where it is a bar: the fabric, which carries compression here, is all that is left.
 #[test]
 fn tapes_push_only_where_the_scene_says_so() {
@@ -116,7 +138,7 @@ fn tensions_are_in_the_order_of_the_cables() {
     let mut scene = case::load(&file).expect("a scene");
     let plain = assembled(&scene);
     scene.risers = Some(case::Risers { axial_stiffness_n: 3e3, mass_kg_m: 5e-3, ..Default::default() });
-    let tape = case::Tape { material: None, axial_stiffness_n: 700.0, mass_kg_m: 1e-3 };
+    let tape = case::Tape { axial_stiffness_n: 700.0, mass_kg_m: 1e-3, ..case::Tape::default() };
     scene.tapes = Some(case::Tapes { hem: Some(tape), vents: Some(tape), ..case::Tapes::default() });
     let taped = assembled(&scene);
     let stretched =
@@ -148,9 +170,9 @@ fn former_reinforcements_are_tapes_with_the_section_of_the_lines() {
     a.reinforcements = true;
     let lines = tapes.lines.as_ref().expect("lines");
     let tape = Some(case::Tape {
-        material: None,
         axial_stiffness_n: lines.youngs_modulus_pa * lines.area_m2,
         mass_kg_m: lines.density_kg_m3 * lines.area_m2,
+        ..case::Tape::default()
     });
     tapes.tapes = Some(case::Tapes { hem: tape, seams: tape, vents: tape, ..case::Tapes::default() });
     let [former, tapes] = [former, tapes].map(|s| assembled(&s));

@@ -31,13 +31,8 @@ static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLoc
         all.insert(("risers", material.name()), risers);
     }
     for material in TapeMaterial::ALL {
-        // Strength is no key of a tape: no run compares it.
-        let entry = material.entry();
-        let values = entry.values.iter().filter(|v| v.key != "strength_n");
-        all.insert(
-            ("tapes", material.name()),
-            values.map(|v| format!("{} = {:e}\n", v.key, v.value)).collect(),
-        );
+        let tapes = material.entry().values.iter().map(|v| format!("{} = {:e}\n", v.key, v.value)).collect();
+        all.insert(("tapes", material.name()), tapes);
     }
     all
 });

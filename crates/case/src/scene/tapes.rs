@@ -45,6 +45,10 @@ pub struct Tape {
     pub axial_stiffness_n: f64,
     /// Mass for each metre, kg/m.
     pub mass_kg_m: f64,
+    /// Breaking force of a tape, N. Absent: no safety factor.
+    pub strength_n: Option<f64>,
+    /// Safety factor that the tapes of this place should have: strength over largest tension. Absent: 1.
+    pub safety_factor: Option<f64>,
 }
 
 /// Tapes along and across all panels at a spacing in metres, so that every mesh has the same length of tape, mass and stiffness.
@@ -65,6 +69,10 @@ pub struct TapeGrid {
     pub mass_kg_m: f64,
     /// Distance between neighbouring tapes, m.
     pub spacing_m: f64,
+    /// Breaking force of one tape, N. Absent: no safety factor.
+    pub strength_n: Option<f64>,
+    /// Safety factor that the tapes of this place should have: strength over largest tension. Absent: 1.
+    pub safety_factor: Option<f64>,
 }
 
 /// Section of the risers.
@@ -125,6 +133,8 @@ impl Tapes {
                     material: g.material,
                     axial_stiffness_n: g.axial_stiffness_n,
                     mass_kg_m: g.mass_kg_m,
+                    strength_n: g.strength_n,
+                    safety_factor: g.safety_factor,
                 };
                 self.grid.map(tape)
             }
@@ -154,6 +164,14 @@ const STIFFNESS: &str =
     "an axial stiffness EA in N: modulus times cross-section, strength over elongation at break";
 const MASS: &str = "a mass for each metre in kg/m: is the value in kilograms, not grams?";
 
+/// Refuses an invalid strength and a safety factor without one.
+fn strength(path: &str, strength_n: Option<f64>, factor: Option<f64>, c: &mut Check) {
+    if let Some(strength) = strength_n {
+        c.positive(&format!("{path}.strength_n"), strength, 1e8, STRENGTH);
+    }
+    safety_factor(path, factor, strength_n.is_some(), "strength_n", c);
+}
+
 fn section(path: &str, axial_stiffness_n: f64, mass_kg_m: f64, c: &mut Check) {
     c.positive(&format!("{path}.axial_stiffness_n"), axial_stiffness_n, 1e9, STIFFNESS);
     c.positive(&format!("{path}.mass_kg_m"), mass_kg_m, 10.0, MASS);
@@ -163,10 +181,7 @@ fn section(path: &str, axial_stiffness_n: f64, mass_kg_m: f64, c: &mut Check) {
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(r) = &scene.risers {
         section("risers", r.axial_stiffness_n, r.mass_kg_m, c);
-        if let Some(strength) = r.strength_n {
-            c.positive("risers.strength_n", strength, 1e8, STRENGTH);
-        }
-        safety_factor("risers", r.safety_factor, r.strength_n.is_some(), "strength_n", c);
+        strength("risers", r.strength_n, r.safety_factor, c);
         risers(scene, c);
     }
     let Some(t) = &scene.tapes else { return };
@@ -181,6 +196,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     for (place, tape) in t.places() {
         let path = format!("tapes.{}", place.name());
         section(&path, tape.axial_stiffness_n, tape.mass_kg_m, c);
+        strength(&path, tape.strength_n, tape.safety_factor, c);
         if !can.contains(&place) {
             let places: Vec<_> = can.iter().map(|p| p.name()).collect();
             let help = if places.is_empty() {

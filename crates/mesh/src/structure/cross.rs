@@ -101,7 +101,7 @@ mod tests {
     fn cross_is_as_drawn() {
         let mut with = scene(Canopy::Cross(canopy()));
         with.tapes = Some(Tapes {
-            hem: Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 }),
+            hem: Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..Tape::default() }),
             ..Tapes::default()
         });
         let mesh = structure_mesh(&with).unwrap();

@@ -313,7 +313,7 @@ mod tests {
     fn tapes_follow_skirt_vent_and_seams() {
         let p = canopy(GoreProfile::Flat);
         let mut with = scene(Canopy::Gored(p));
-        let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..Tape::default() });
         with.tapes = Some(Tapes { hem: tape, seams: tape, vents: tape, ..Tapes::default() });
         let mesh = structure_mesh(&with).unwrap();
         let length = |place| mesh.cable_length(CableKind::Tape(place));
@@ -359,7 +359,7 @@ mod tests {
             ..canopy(GoreProfile::Flat)
         };
         let mut with = scene(Canopy::Gored(p.clone()));
-        let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..Tape::default() });
         with.tapes = Some(Tapes { seams: tape, vents: tape, ..Tapes::default() });
         let mesh = structure_mesh(&with).unwrap();
         let layout = GoreLayout::new(&p);

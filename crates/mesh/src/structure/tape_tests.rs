@@ -9,10 +9,16 @@ use case::{
 use super::tests::scene;
 use crate::{CableKind, StructureMesh, structure_mesh};
 
-const SECTION: Tape = Tape { material: None, axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3 };
+const SECTION: Tape = Tape {
+    material: None,
+    axial_stiffness_n: 1661.4,
+    mass_kg_m: 3.8e-3,
+    strength_n: None,
+    safety_factor: None,
+};
 
 fn grid(spacing_m: f64) -> Option<TapeGrid> {
-    Some(TapeGrid { material: None, axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3, spacing_m })
+    Some(TapeGrid { axial_stiffness_n: 1661.4, mass_kg_m: 3.8e-3, spacing_m, ..TapeGrid::default() })
 }
 
 fn all(spacing_m: f64) -> Tapes {
