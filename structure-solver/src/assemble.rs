@@ -9,6 +9,7 @@ use mesh::{CableKind, MeshError, StructureMesh};
 use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::air::Cylinder;
 use crate::elements::cable::{self, CableLaw, TensionOnly, TwoWay};
+use crate::elements::hysteresis::{self, Hysteresis};
 use crate::elements::mass::MassMatrix;
 use crate::elements::reefing::Schedule;
 use crate::loops::{Contact, ContactLaw, ElementLoop, Elements};
@@ -42,7 +43,7 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     if let Some(c) = model.cables.iter().find(|c| c.kind.section(scene).is_none()) {
         return Err(ModelError::NoMaterial { cable: c.global as usize });
     }
-    cables(scene, damping, model, &mut all);
+    cables(scene, stage, model, &mut all);
     Ok(all)
 }
 
@@ -102,8 +103,13 @@ fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all:
     }
 }
 
-/// Elements of lines, risers and tapes: one loop for each section.
-fn cables(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
+/// Elements of lines, risers and tapes: one loop for each section. A static shape has no hysteresis.
+fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
+    let (stage, explicit) = (&scene.stages[stage], scene.structure.integration == Integration::Explicit);
+    let damping = stage.stiffness_damping_s;
+    let friction = |share: Option<f64>| {
+        hysteresis::friction(share.filter(|_| stage.solve != Solve::Static).unwrap_or(0.0))
+    };
     let own_risers = scene.risers.is_some();
     if let Some(l) = &scene.lines {
         let section = CableSection {
@@ -112,6 +118,8 @@ fn cables(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
             offset: l.prestress_pa / l.youngs_modulus_pa,
             area: l.area_m2,
             density: l.density_kg_m3,
+            friction: friction(l.hysteresis),
+            explicit,
         };
         let of_lines = |kind| match kind {
             CableKind::SuspensionLine | CableKind::Reinforcement => true,
@@ -120,7 +128,11 @@ fn cables(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
         };
         section.push(damping, model, of_lines, all);
         if let Some(r) = scene.risers {
-            let section = CableSection::of(l.tension_only, r.axial_stiffness_n, r.mass_kg_m);
+            let section = CableSection {
+                friction: friction(r.hysteresis),
+                explicit,
+                ..CableSection::of(l.tension_only, r.axial_stiffness_n, r.mass_kg_m)
+            };
             section.push(damping, model, |kind| kind == CableKind::Riser, all);
         }
     }
@@ -142,12 +154,24 @@ struct CableSection {
     area: f64,
     /// kg/m3.
     density: f64,
+    /// Limit of the slider over the elastic stress; 0: no hysteresis.
+    friction: f64,
+    /// Steps are central differences.
+    explicit: bool,
 }
 
 impl CableSection {
     /// Of an axial stiffness (N) and a mass for each metre (kg/m), as a cross-section of 1 m2 that has them.
     fn of(tension_only: bool, axial_stiffness: f64, mass: f64) -> Self {
-        Self { tension_only, youngs_modulus: axial_stiffness, offset: 0.0, area: 1.0, density: mass }
+        Self {
+            tension_only,
+            youngs_modulus: axial_stiffness,
+            offset: 0.0,
+            area: 1.0,
+            density: mass,
+            friction: 0.0,
+            explicit: false,
+        }
     }
 
     /// Adds the elements of the `chosen` kinds.
@@ -155,7 +179,8 @@ impl CableSection {
         if !model.cables.iter().any(|c| chosen(c.kind)) {
             return;
         }
-        let youngs_modulus = self.youngs_modulus;
+        // Loaded for the first time, elastic line and slider have the modulus of the line.
+        let youngs_modulus = self.youngs_modulus / (1.0 + self.friction);
         if self.tension_only {
             self.push_law(damping, model, chosen, TensionOnly { youngs_modulus }, all);
         } else {
@@ -171,6 +196,12 @@ impl CableSection {
         law: impl CableLaw,
         all: &mut Loops,
     ) {
+        if self.friction > 0.0 {
+            let youngs_modulus = self.youngs_modulus / (1.0 + self.friction);
+            let slider = Hysteresis::new(law, youngs_modulus, self.offset, self.friction);
+            let slider = if self.explicit { slider.explicit() } else { slider };
+            all.push(Box::new(Elements::sliders(model, &chosen, slider, self.area)));
+        }
         let elastic = || cable::Elastic { law, offset: self.offset };
         all.push(Box::new(Elements::cables_of(model, &chosen, elastic(), self.area, self.density)));
         if damping > 0.0 {

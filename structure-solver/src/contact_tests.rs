@@ -188,7 +188,7 @@ fn on_plate(friction: f64, normal: f64, speed: f64) -> (Dynamics, std::ops::Rang
     let nodes = d.system.model.n_owned() - 3..d.system.model.n_owned();
     // Pairs begin at the distance of contact; then the weight rests on them.
     let reference = d.system.model.reference.clone();
-    d.system.find_pairs(&reference);
+    d.system.advance_history(&reference);
     d.system.keep();
     let stiffness = 0.25 * 206.8e6 * 3.048e-5;
     for n in nodes.clone() {

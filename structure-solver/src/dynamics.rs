@@ -319,7 +319,7 @@ impl Dynamics {
             Err(cause) if cuts < self.max_cuts => {
                 info.cuts += 1;
                 // What slipped in the step that failed is no part of the answer.
-                self.system.friction_work();
+                self.system.dissipated();
                 info.newton_steps += u64::from(cause.steps());
                 self.linear.renew();
                 let [first, second] = part.halves();
@@ -342,13 +342,13 @@ impl Dynamics {
         let Interval { span, load, body, .. } = part;
         let dt = part.dt();
         self.system.set_time(self.time + span[1] * self.window);
-        if self.system.depends_on_rate() || self.system.finds_pairs() {
+        if self.system.depends_on_rate() || self.system.has_history() {
             self.system.set_step(dt);
             for i in 0..self.x.len() {
                 self.x[i] = self.system.model.reference[i] + self.current.u[i];
             }
             self.system.anchor_rates(&self.x);
-            self.system.find_pairs(&self.x);
+            self.system.advance_history(&self.x);
         }
         let form = self.scheme.step(dt, self.damping);
         let at = span[0] + form.force_weight * (span[1] - span[0]);
@@ -397,12 +397,12 @@ impl Dynamics {
             }
             work += self.system.dissipation(&self.x, y);
         }
-        if self.system.has_friction() {
+        if self.system.has_dissipation() {
             for (x, (reference, u)) in self.x.iter_mut().zip(self.system.model.reference.iter().zip(&to.u)) {
                 *x = reference + u;
             }
-            self.system.find_pairs(&self.x);
-            work += self.system.friction_work();
+            self.system.advance_history(&self.x);
+            work += self.system.dissipated();
         }
         work
     }

@@ -298,7 +298,7 @@ impl Dynamics {
             self.system.anchor_rates(&e.half);
         }
         self.system.set_time(self.time + part.span[0] * part.window);
-        self.system.find_pairs(&self.x);
+        self.system.advance_history(&self.x);
         self.explicit_forces(e, part.span[0], part.load);
         Ok(())
     }
@@ -309,7 +309,7 @@ impl Dynamics {
             self.system.anchor_rates(&self.x);
         }
         self.system.set_time(step.time);
-        self.system.find_pairs(&self.x);
+        self.system.advance_history(&self.x);
     }
 
     /// First half of a step: velocities in its middle into `e.half`, displacements and positions

@@ -92,22 +92,23 @@ pub trait ElementLoop {
         Vec3::zeros()
     }
 
-    /// Whether forces act between nodes that no element joins: then [`ElementLoop::find_pairs`]
+    /// Whether forces depend on earlier steps or act between nodes that no element joins: then [`ElementLoop::advance_history`]
     /// precedes every step.
-    fn finds_pairs(&self) -> bool {
+    fn has_history(&self) -> bool {
         false
     }
 
-    /// Ends a step at positions `x` (m), and finds what is near what there. Collective where forces act between ranks.
-    fn find_pairs(&mut self, _x: &[f64]) {}
+    /// Ends a step at positions `x` (m): internal variables take their values there, and contact finds what is near what. Collective where forces
+    /// act between ranks.
+    fn advance_history(&mut self, _x: &[f64]) {}
 
-    /// Whether pairs have friction: then [`ElementLoop::find_pairs`] follows every step, and [`ElementLoop::friction_work`].
-    fn has_friction(&self) -> bool {
+    /// Whether the history takes energy: then [`ElementLoop::advance_history`] follows every step, and [`ElementLoop::dissipated`].
+    fn has_dissipation(&self) -> bool {
         false
     }
 
-    /// Energy (J) that friction of the pairs counted on this rank took since the last call.
-    fn friction_work(&mut self) -> f64 {
+    /// Energy (J) that what is counted on this rank took since the last call.
+    fn dissipated(&mut self) -> f64 {
         0.0
     }
 
@@ -117,7 +118,7 @@ pub trait ElementLoop {
     /// Returns to the state of [`ElementLoop::keep`], so that all solves of a window depend on their input alone.
     fn rewind(&mut self) {}
 
-    /// State other than positions and velocities that later steps depend on, when it was kept last: the contact pairs.
+    /// State other than positions and velocities that later steps depend on, when it was kept last.
     fn save_state(&self) -> Vec<f64> {
         Vec::new()
     }

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 28] = [
+const EFFECTS: [&str; 29] = [
     channel::RESUME,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
@@ -44,6 +44,7 @@ const EFFECTS: [&str; 28] = [
     "stage.force",
     "lines",
     "lines.tension_only",
+    "lines.hysteresis",
     "risers",
     "tapes",
     "structure.spectral_radius",

@@ -80,8 +80,8 @@ impl System {
         let rates = loops.iter().any(|l| l.depends_on_rate());
         let timed = loops.iter().any(|l| l.depends_on_time());
         let air = loops.iter().any(|l| l.feels_air());
-        let pairs = loops.iter().any(|l| l.finds_pairs());
-        let friction = loops.iter().any(|l| l.has_friction());
+        let pairs = loops.iter().any(|l| l.has_history());
+        let friction = loops.iter().any(|l| l.has_dissipation());
         let mut system = Self {
             model,
             matrix,
@@ -190,26 +190,26 @@ impl System {
         }
     }
 
-    /// Whether a step begins with [`System::find_pairs`].
-    pub fn finds_pairs(&self) -> bool {
+    /// Whether a step begins with [`System::advance_history`].
+    pub fn has_history(&self) -> bool {
         self.pairs
     }
 
-    /// See [`ElementLoop::find_pairs`].
-    pub fn find_pairs(&mut self, x: &[f64]) {
+    /// See [`ElementLoop::advance_history`].
+    pub fn advance_history(&mut self, x: &[f64]) {
         if self.pairs {
-            self.loops.iter_mut().for_each(|l| l.find_pairs(x));
+            self.loops.iter_mut().for_each(|l| l.advance_history(x));
         }
     }
 
-    /// Whether a step ends with [`System::find_pairs`] and [`System::friction_work`].
-    pub fn has_friction(&self) -> bool {
+    /// Whether a step ends with [`System::advance_history`] and [`System::dissipated`].
+    pub fn has_dissipation(&self) -> bool {
         self.friction
     }
 
-    /// See [`ElementLoop::friction_work`]; of this rank.
-    pub fn friction_work(&mut self) -> f64 {
-        self.loops.iter_mut().map(|l| l.friction_work()).sum()
+    /// See [`ElementLoop::dissipated`]; of this rank.
+    pub fn dissipated(&mut self) -> f64 {
+        self.loops.iter_mut().map(|l| l.dissipated()).sum()
     }
 
     /// See [`ElementLoop::keep`].
@@ -249,7 +249,7 @@ impl System {
         let mut all = vec![0.0; self.model.cables.len()];
         for l in &self.loops {
             for (&row, tension) in l.cables().iter().zip(l.tensions(x)) {
-                all[row as usize] = tension;
+                all[row as usize] += tension;
             }
         }
         all

@@ -195,6 +195,33 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "lines.hysteresis",
+        what: "lines and risers return less work than it took to stretch them",
+        model: "a slider in parallel with the elastic line, whose limit grows with the tension; no rate; off: no loop",
+        equation: "S = Y_e E + S_f, dS_f = 2 Y_e dE while |S_f| <= mu Y_e E, Y_e = Y / (1 + mu)",
+        reference: "Iwan, Journal of Applied Mechanics 33 (1966) 893-900; derivation in structure-solver/src/elements/hysteresis.rs",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: damps oscillations and the recoil after the largest load, not a steady tension",
+        on: Scene::has_hysteresis,
+        assess: c::hysteresis,
+        cost: "a second loop over lines and risers",
+        needs: Some("lines"),
+        without: Some(|s| {
+            if let Some(l) = &mut s.lines {
+                l.hysteresis = None;
+            }
+            if let Some(r) = &mut s.risers {
+                r.hysteresis = None;
+            }
+        }),
+        with: Some(|s| {
+            if let Some(l) = &mut s.lines {
+                l.hysteresis = Some(0.3);
+            }
+        }),
+    },
+    Entry {
         key: "lines.drag",
         what: "drag of the air on lines",
         model: "each segment a cylinder in cross flow, in the air of the far field; off: no loop, no array",

@@ -8,6 +8,7 @@ pub mod air;
 pub mod bending;
 pub mod bent;
 pub mod cable;
+pub mod hysteresis;
 pub mod load;
 pub mod mass;
 pub mod membrane;
@@ -81,6 +82,8 @@ pub trait Kernel<const N: usize>: 'static {
     const TIMED: bool = false;
     /// Whether forces depend on the air.
     const AIR: bool = false;
+    /// Whether forces depend on earlier steps.
+    const HISTORY: bool = false;
     /// Whether the elements carry the loads on faces.
     const LOADED: bool = false;
 
@@ -119,6 +122,19 @@ pub trait Kernel<const N: usize>: 'static {
     fn dissipation(&self, _e: &Self::Element, _before: &[Vec3; N], _after: &[Vec3; N]) -> f64 {
         0.0
     }
+
+    /// Ends a step at positions `x` (m), where the internal variables take their values; the energy (J) that they took in it.
+    fn advance_history(&self, _e: &mut Self::Element, _x: &[Vec3; N]) -> f64 {
+        0.0
+    }
+
+    /// Internal variables of a kernel with [`Kernel::HISTORY`].
+    fn history(&self, _e: &Self::Element) -> [f64; 2] {
+        [0.0; 2]
+    }
+
+    /// Takes up what [`Kernel::history`] gave.
+    fn set_history(&self, _e: &mut Self::Element, _history: [f64; 2]) {}
 
     /// Mass, kg; none where other elements have the mass, and the matrix their blocks.
     fn mass(&self, _e: &Self::Element) -> Option<f64> {

@@ -381,21 +381,21 @@ impl Contact {
 }
 
 impl ElementLoop for Contact {
-    fn finds_pairs(&self) -> bool {
+    fn has_history(&self) -> bool {
         true
     }
 
-    fn find_pairs(&mut self, x: &[f64]) {
+    fn advance_history(&mut self, x: &[f64]) {
         let Some(ranks) = self.ranks.take() else { return self.find_pairs_at(x) };
         self.find_pairs_at(&ranks.gather(x));
         self.ranks = Some(ranks);
     }
 
-    fn has_friction(&self) -> bool {
+    fn has_dissipation(&self) -> bool {
         self.friction.is_some()
     }
 
-    fn friction_work(&mut self) -> f64 {
+    fn dissipated(&mut self) -> f64 {
         let slipped = std::mem::take(&mut self.slipped);
         if self.counts() { slipped } else { 0.0 }
     }

@@ -24,6 +24,10 @@ pub struct Elements<K: Kernel<N>, const N: usize> {
     rows: Option<Vec<u32>>,
     /// Places of cable elements among the cables of the model.
     cables: Vec<u32>,
+    /// Internal variables at the accepted state; none where the kernel has none.
+    accepted: Vec<[f64; 2]>,
+    /// Energy that internal variables took since it was asked for, J.
+    dissipated: f64,
 }
 
 /// An element of the mesh: its local nodes, the face that loads it, and what its kernel keeps.
@@ -39,12 +43,19 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     ) -> Self {
         let elements =
             parts.map(|(nodes, face, data)| Element { stencil: Stencil::new(nodes), face, data }).collect();
-        Self { kernel, elements, n_own, rows, cables: Vec::new() }
+        let mut all =
+            Self { kernel, elements, n_own, rows, cables: Vec::new(), accepted: Vec::new(), dissipated: 0.0 };
+        all.keep();
+        all
     }
 
     /// With the places of its elements among the cables of the model.
     pub(super) fn with_cables(self, cables: Vec<u32>) -> Self {
         Self { cables, ..self }
+    }
+
+    fn set_histories(&mut self, all: &[[f64; 2]]) {
+        self.elements.iter_mut().zip(all).for_each(|(e, h)| self.kernel.set_history(&mut e.data, *h));
     }
 
     /// All elements, or those that touch an `active` node. Asked element by element, so that both are one compiled loop.
@@ -198,6 +209,61 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
             return 0.0;
         }
         self.sum(|e| self.kernel.dissipation(&e.data, &e.stencil.gather(before), &e.stencil.gather(after)))
+    }
+
+    fn has_history(&self) -> bool {
+        K::HISTORY
+    }
+
+    fn advance_history(&mut self, x: &[f64]) {
+        if !K::HISTORY {
+            return;
+        }
+        for (k, e) in self.elements.iter_mut().enumerate() {
+            let taken = self.kernel.advance_history(&mut e.data, &e.stencil.gather(x));
+            self.dissipated += if k < self.n_own { taken } else { 0.0 };
+        }
+    }
+
+    fn has_dissipation(&self) -> bool {
+        K::HISTORY
+    }
+
+    fn dissipated(&mut self) -> f64 {
+        std::mem::take(&mut self.dissipated)
+    }
+
+    fn keep(&mut self) {
+        if K::HISTORY {
+            self.accepted.clear();
+            self.accepted.extend(self.elements.iter().map(|e| self.kernel.history(&e.data)));
+        }
+    }
+
+    fn rewind(&mut self) {
+        let accepted = std::mem::take(&mut self.accepted);
+        self.set_histories(&accepted);
+        self.accepted = accepted;
+    }
+
+    fn save_state(&self) -> Vec<f64> {
+        self.accepted.as_flattened().to_vec()
+    }
+
+    fn restore_state(&mut self, saved: &[f64]) -> Result<(), String> {
+        let (rows, rest) = saved.as_chunks::<2>();
+        let expected = if K::HISTORY { self.elements.len() } else { 0 };
+        if !rest.is_empty() || !(rows.is_empty() || rows.len() == expected) {
+            return Err(format!("{} internal variables are not those of {expected} elements", saved.len()));
+        }
+        if !saved.iter().all(|v| v.is_finite()) {
+            return Err("internal variables are not finite".into());
+        }
+        if !rows.is_empty() {
+            self.accepted = rows.to_vec();
+            self.set_histories(rows);
+        }
+        Ok(())
     }
 
     fn forces(&self, configuration: Configuration<'_>, load: FaceLoad<'_>, out: &mut [f64]) {

@@ -6,7 +6,8 @@ use super::Elements;
 use crate::elements::air::{self, Cylinder, LineDrag};
 use crate::elements::bending::Bending;
 use crate::elements::bent::BentFace;
-use crate::elements::cable::{AxialStress, Cable};
+use crate::elements::cable::{AxialStress, Cable, CableLaw};
+use crate::elements::hysteresis::Hysteresis;
 use crate::elements::membrane::Triangle;
 use crate::elements::quad::Quad;
 use crate::elements::reefing::{Reefing, Schedule};
@@ -93,6 +94,24 @@ impl<S: AxialStress> Elements<Cable<S>, 2> {
             let element = kernel.element(c.rest_length, c.share * area, between(model, c.nodes));
             rows.push(row as u32);
             parts.push((c.nodes, NO_FACE, element));
+        }
+        let n_own = rows.partition_point(|row| (*row as usize) < model.n_own_cables);
+        Self::new(kernel, parts.into_iter(), n_own, None).with_cables(rows)
+    }
+}
+
+impl<L: CableLaw> Elements<Hysteresis<L>, 2> {
+    /// Sliders of the cables of `model` of some kinds, as [`Elements::cables_of`]; massless.
+    pub fn sliders(
+        model: &Model,
+        chosen: impl Fn(CableKind) -> bool,
+        kernel: Hysteresis<L>,
+        area: f64,
+    ) -> Self {
+        let (mut rows, mut parts) = (Vec::new(), Vec::new());
+        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c.kind)) {
+            rows.push(row as u32);
+            parts.push((c.nodes, NO_FACE, kernel.element(c.rest_length, c.share * area)));
         }
         let n_own = rows.partition_point(|row| (*row as usize) < model.n_own_cables);
         Self::new(kernel, parts.into_iter(), n_own, None).with_cables(rows)

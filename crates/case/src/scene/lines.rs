@@ -25,6 +25,9 @@ pub struct Lines {
     pub strength_n: Option<f64>,
     /// Safety factor that lines should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
+    /// Share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Not in stages with
+    /// `solve = "static"`.
+    pub hysteresis: Option<f64>,
     /// A line that is shorter than its rest length carries nothing.
     #[serde(default = "yes")]
     pub tension_only: bool,
@@ -65,6 +68,24 @@ impl Scene {
     pub fn line_drag(&self) -> Option<&LineDrag> {
         self.lines.as_ref()?.drag.as_ref()
     }
+
+    /// Whether lines or risers return less work than it took to stretch them.
+    pub fn has_hysteresis(&self) -> bool {
+        let lines = self.lines.as_ref().and_then(|l| l.hysteresis);
+        let risers = self.risers.and_then(|r| r.hysteresis);
+        [lines, risers].into_iter().flatten().any(|share| share > 0.0)
+    }
+}
+
+/// Largest share of the work of stretching that lines may take.
+pub const MOST_HYSTERESIS: f64 = 0.4;
+
+/// Refuses a share of the work of stretching that no line takes.
+pub(super) fn hysteresis(section: &str, share: Option<f64>, c: &mut Check) {
+    if let Some(share) = share {
+        let why = "a share of the work of stretching; the friction of the law reaches 0.4";
+        c.range(&format!("{section}.hysteresis"), share, 0.0..=MOST_HYSTERESIS, why);
+    }
 }
 
 /// What the strength of a line is.
@@ -80,6 +101,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         c.positive("lines.strength_n", strength, 1e8, STRENGTH);
     }
     safety_factor("lines", l.safety_factor, l.strength_n.is_some(), "strength_n", c);
+    hysteresis("lines", l.hysteresis, c);
     let most = 0.5 * l.youngs_modulus_pa;
     c.range("lines.prestress_pa", l.prestress_pa, -most..=most, "at most half the modulus");
     if let Some(d) = &l.drag {

@@ -70,7 +70,7 @@ pub use gored::{GoreProfile, GoreSection, GoredCanopy};
 pub use gust::{Gust, GustShape};
 pub use immersed::Immersed;
 pub use layout::*;
-pub use lines::{LineDrag, Lines};
+pub use lines::{LineDrag, Lines, MOST_HYSTERESIS};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
 pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce};
 pub use motions::{Motion, interpolate};

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Canopy;
 use super::fabric::safety_factor;
-use super::lines::STRENGTH;
+use super::lines::{STRENGTH, hysteresis};
 use crate::check::Check;
 use crate::materials::required_without_material;
 use crate::{RiserMaterial, Scene, TapeMaterial};
@@ -91,6 +91,9 @@ pub struct Risers {
     pub strength_n: Option<f64>,
     /// Safety factor that risers should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
+    /// As `lines.hysteresis`: share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Not in stages with
+    /// `solve = "static"`.
+    pub hysteresis: Option<f64>,
 }
 
 /// Where a tape is sewn.
@@ -182,6 +185,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(r) = &scene.risers {
         section("risers", r.axial_stiffness_n, r.mass_kg_m, c);
         strength("risers", r.strength_n, r.safety_factor, c);
+        hysteresis("risers", r.hysteresis, c);
         risers(scene, c);
     }
     let Some(t) = &scene.tapes else { return };

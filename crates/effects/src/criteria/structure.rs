@@ -281,6 +281,21 @@ pub fn mass_damping(s: &Scope<'_>) -> Assessment {
     })
 }
 
+/// Hysteresis changes oscillations and the recoil after a peak; a tension that grows to its mean has the modulus of the line.
+pub fn hysteresis(s: &Scope<'_>) -> Assessment {
+    let of =
+        [s.scene().lines.as_ref().and_then(|l| l.hysteresis), s.scene().risers.and_then(|r| r.hysteresis)];
+    let share = of.into_iter().flatten().fold(0.0, f64::max);
+    Assessment::not(if share > 0.0 {
+        format!(
+            "damps oscillations of the tension: a cycle from zero takes {} of the work of stretching",
+            percent(share)
+        )
+    } else {
+        "damps oscillations of the tension; the loss of the lines is not known".into()
+    })
+}
+
 /// Kelvin-Voigt damping changes oscillations and peaks, not a state at rest.
 pub fn stiffness_damping(s: &Scope<'_>) -> Assessment {
     let f = &s.scene().fabric;

@@ -33,6 +33,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             density_kg_m3: 1223.50932,
             strength_n: None,
             safety_factor: None,
+            hysteresis: None,
             tension_only: true,
             prestress_pa: 0.0,
             drag: None,

@@ -60,7 +60,7 @@ fn pressed(distance: f64, angle: f64) -> (Contact, Vec<f64>) {
 /// Searches also where little has moved.
 pub(super) fn search(contact: &mut Contact, x: &[f64]) {
     contact.searched.clear();
-    contact.find_pairs(x);
+    contact.advance_history(x);
 }
 
 /// Force on the first edge along the direction in which it was approached.

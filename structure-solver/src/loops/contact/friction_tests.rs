@@ -16,7 +16,7 @@ fn pressed() -> [(Contact, Vec<f64>, std::ops::Range<usize>); 2] {
     let at_rest = [positions(0.02), crossed(0.02, 1.2)];
     for (contact, x) in [&mut node, &mut edges].into_iter().zip(&at_rest) {
         search(contact, x);
-        contact.find_pairs(x);
+        contact.advance_history(x);
         assert!(contact.energy(x) > 0.0);
     }
     let [a, b] = at_rest;
@@ -82,11 +82,11 @@ fn slipping_force_is_the_limit_of_coulomb() {
         let before = force(&contact);
         let friction = before - normal;
         assert!((friction + along * (FRICTION * normal.norm())).norm() < 1e-9, "{friction} {normal}");
-        contact.find_pairs(&there);
+        contact.advance_history(&there);
         let limit = FRICTION * normal.norm() / 700.0;
         // From no force to the limit in one step, over the slip.
         let wanted = 0.5 * FRICTION * normal.norm() * (0.05 - limit);
-        let taken = contact.friction_work();
+        let taken = contact.dissipated();
         assert!((taken - wanted).abs() < 1e-9, "{taken} {wanted}");
         assert!((force(&contact) - before).norm() < 1e-9);
         contact.keep();
@@ -98,7 +98,7 @@ fn slipping_force_is_the_limit_of_coulomb() {
         resumed.restore_state(&saved).expect("its own state");
         assert_eq!((resumed.save_state(), forces(&resumed, &there)), (saved, forces(&contact, &there)));
         // Apart, it has forgotten where it stuck.
-        contact.find_pairs(
+        contact.advance_history(
             &moved(&x, 0.0)
                 .iter()
                 .enumerate()
@@ -131,10 +131,10 @@ fn sticking_pair_keeps_its_spring_on_the_next_face() {
         // No slip.
         contact.friction = Some(1e3);
         places[..2].iter().for_each(|x| search(contact, x));
-        contact.find_pairs(&places[1]);
-        contact.find_pairs(&places[2]);
+        contact.advance_history(&places[1]);
+        contact.advance_history(&places[2]);
         let wanted = 350.0 * (0.03f64.powi(2) + way * way);
         let found = contact.energy(&places[2]);
-        assert!((found - wanted).abs() < 1e-9 && contact.friction_work() == 0.0, "{found} {wanted}");
+        assert!((found - wanted).abs() < 1e-9 && contact.dissipated() == 0.0, "{found} {wanted}");
     }
 }

@@ -24,9 +24,9 @@ pub(super) fn contact(triangles: Vec<[u32; 3]>, nodes: u32) -> Contact {
 /// The node came to this distance from out of contact.
 fn pressed(distance: f64) -> (Contact, Vec<f64>) {
     let mut contact = contact(vec![[0, 1, 2]], 4);
-    contact.find_pairs(&positions(0.09 * distance.signum()));
+    contact.advance_history(&positions(0.09 * distance.signum()));
     let x = positions(distance);
-    contact.find_pairs(&x);
+    contact.advance_history(&x);
     (contact, x)
 }
 
@@ -36,7 +36,7 @@ fn pair_begins_without_force() {
     for distance in [0.02, -0.03, 1e-6] {
         let mut contact = contact(vec![[0, 1, 2]], 4);
         let x = positions(distance);
-        contact.find_pairs(&x);
+        contact.advance_history(&x);
         assert_eq!((contact.pairs.len(), contact.energy(&x)), (1, 0.0), "{distance}");
         let nearer = positions(distance - 0.015 * distance.signum());
         assert!((contact.pressed(&nearer) - 700.0 * 0.015).abs() < 1e-9, "{distance}");
@@ -50,10 +50,10 @@ fn sliding_node_keeps_side_and_distance() {
         [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], node].concat()
     };
     let mut contact = contact(vec![[0, 1, 2], [1, 3, 2]], 5);
-    contact.find_pairs(&sheet([0.3, 0.3, 0.09]));
-    contact.find_pairs(&sheet([0.3, 0.3, -0.01]));
+    contact.advance_history(&sheet([0.3, 0.3, 0.09]));
+    contact.advance_history(&sheet([0.3, 0.3, -0.01]));
     let there = sheet([0.7, 0.7, -0.01]);
-    contact.find_pairs(&there);
+    contact.advance_history(&there);
     let pairs: Vec<_> = contact.pairs.iter().map(|p| (p.triangle, p.side, p.thickness)).collect();
     assert_eq!(pairs, [(1, 1.0, 0.05)]);
     assert!((contact.pressed(&there) - 700.0 * 0.06).abs() < 1e-10);
@@ -63,18 +63,18 @@ fn sliding_node_keeps_side_and_distance() {
 #[test]
 fn rejected_solve_leaves_no_trace() {
     let mut contact = contact(vec![[0, 1, 2]], 4);
-    contact.find_pairs(&positions(0.09));
-    contact.find_pairs(&positions(0.04));
+    contact.advance_history(&positions(0.09));
+    contact.advance_history(&positions(0.04));
     contact.keep();
     let saved = contact.save_state();
     let pressed = |contact: &mut Contact| {
         contact.rewind();
-        contact.find_pairs(&positions(0.01));
+        contact.advance_history(&positions(0.01));
         contact.pressed(&positions(0.01))
     };
     let first = pressed(&mut contact);
     for wild in [0.3, -0.04, -0.3, 1e6, f64::NAN] {
-        contact.find_pairs(&positions(wild));
+        contact.advance_history(&positions(wild));
     }
     assert_eq!(contact.save_state(), saved);
     assert_eq!(pressed(&mut contact), first);
@@ -89,7 +89,7 @@ fn rejected_solve_leaves_no_trace() {
 fn distance_of_a_pair_recovers() {
     let mut contact = contact(vec![[0, 1, 2]], 4);
     for (distance, kept) in [(0.01, 0.01), (0.035, 0.035), (0.02, 0.035), (0.08, 0.05), (0.02, 0.05)] {
-        contact.find_pairs(&positions(distance));
+        contact.advance_history(&positions(distance));
         assert!((contact.pairs[0].thickness - kept).abs() < 1e-12, "{distance}");
     }
 }
@@ -102,14 +102,14 @@ fn second_leaf_of_a_fold_begins_without_force() {
         [[0.0; 3], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.03, 0.0, 2.0], [0.03, 2.0, 0.0], node].concat()
     };
     let mut contact = contact(vec![[0, 1, 2], [0, 4, 3]], 6);
-    contact.find_pairs(&fold([0.7, 0.6, 0.09]));
-    contact.find_pairs(&fold([0.7, 0.6, 0.01]));
+    contact.advance_history(&fold([0.7, 0.6, 0.09]));
+    contact.advance_history(&fold([0.7, 0.6, 0.01]));
     let there = fold([0.05, 0.6, 0.02]);
     let alone = {
-        contact.find_pairs(&fold([0.4, 0.6, 0.02]));
+        contact.advance_history(&fold([0.4, 0.6, 0.02]));
         contact.energy(&fold([0.4, 0.6, 0.02]))
     };
-    contact.find_pairs(&there);
+    contact.advance_history(&there);
     assert_eq!(contact.pairs.iter().filter(|p| p.node == 5).count(), 2);
     assert!((contact.energy(&there) - alone).abs() < 1e-10, "{} {alone}", contact.energy(&there));
 }
@@ -169,7 +169,7 @@ fn pairs_are_found_within_reach_in_any_box() {
             let mut contact = contact(vec![[0, 1, 2]], 4);
             contact.edge = 0.3;
             let x: Vec<f64> = positions(distance).iter().map(|x| x + shift).collect();
-            contact.find_pairs(&x);
+            contact.advance_history(&x);
             assert_eq!(contact.pairs.len(), usize::from(near), "{shift} {distance}");
             assert!(contact.pairs.iter().all(|p| p.side == distance.signum() && p.node == 3));
         }
@@ -185,23 +185,23 @@ fn a_search_is_repeated_after_a_motion() {
     let moved = |by: f64| x.iter().enumerate().map(|(i, x)| x + if i == 4 { by } else { 0.0 }).collect();
     let least = MARGIN * 0.05 / 0.75;
     let (little, more): (Vec<f64>, Vec<f64>) = (moved(-0.98 * least), moved(-1.02 * least));
-    contact.find_pairs(&x.iter().map(|x| x + 7.0).collect::<Vec<_>>());
+    contact.advance_history(&x.iter().map(|x| x + 7.0).collect::<Vec<_>>());
     assert_eq!(contact.searched, x);
-    contact.find_pairs(&little);
+    contact.advance_history(&little);
     assert_eq!(contact.searched, x);
-    contact.find_pairs(&more);
+    contact.advance_history(&more);
     assert_eq!(contact.searched, more);
     let through = positions(-0.03);
-    contact.find_pairs(&through);
+    contact.advance_history(&through);
     assert_eq!(contact.searched, through);
     assert!(contact.pairs.len() == 1 && contact.pairs[0].side == 1.0, "{:?}", contact.pairs);
     assert!((contact.pressed(&through) - 700.0 * 0.08).abs() < 1e-10);
     // Far behind it is still the same pair; far in front it is none.
     let deep = positions(-0.3);
-    contact.find_pairs(&deep);
+    contact.advance_history(&deep);
     assert_eq!(contact.pairs.len(), 1);
     let away = positions(0.3);
-    contact.find_pairs(&away);
+    contact.advance_history(&away);
     assert!(contact.pairs.is_empty());
 }
 
