@@ -5,9 +5,10 @@ use comm::Halo;
 use crate::geometry::vec3::Vec3;
 use crate::physics::Gas;
 use crate::solver::Solver;
+use crate::topology::Topology;
 
 /// Load on one canopy face: pressure jump (inside minus outside), Pa, and
-/// shear traction x, y, z summed over both sides, Pa.
+/// shear traction x, y, z summed over both sides, Pa. A side without cells has the ambient pressure and no shear.
 pub type FaceLoad = [f64; 4];
 
 /// Loads on the canopy faces of one rank.
@@ -33,6 +34,15 @@ impl Loads {
         Self { halo: Halo::new(solver.comm(), canopy), faces: vec![[0.0; 4]; canopy.n_local()] }
     }
 
+    /// Adds the pressure `p` (Pa) on the sides without cells, whose normal is opposite to that of the sides with cells.
+    fn add_ambient(&mut self, t: &Topology, p: f64) {
+        if t.one_sided {
+            for side in t.slip.iter().chain(&t.no_slip).filter(|s| s.canopy != u32::MAX) {
+                self.faces[side.canopy as usize][0] -= side.sign * p;
+            }
+        }
+    }
+
     /// Loads of the solver's last step; afterwards the owned part of `faces` is
     /// complete. The canopy's normal points from inside to outside. Collective.
     pub fn compute<G: Gas<N>, const N: usize>(&mut self, solver: &Solver<G, N>) -> Total {
@@ -53,6 +63,7 @@ impl Loads {
             }
         }
         self.halo.accumulate(self.faces.as_flattened_mut(), 4);
+        self.add_ambient(t, solver.settings.ambient_pressure);
         let mut sum = [0.0; 6];
         for (load, &face) in self.faces[..t.canopy.n_owned].iter().zip(&t.canopy_face) {
             let centre = on.metrics.border(face);

@@ -103,6 +103,7 @@ fn run<V: Viscosity>(
         method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,
         velocity_diffusion: crate::physics::VELOCITY_DIFFUSION,
+        ambient_pressure: 0.0,
         moving: true,
     };
     let (gas, viscosity) = (Isothermal::new(air), viscosity.into());

@@ -173,6 +173,7 @@ fn settings(scene: &Scene, stage: usize, flow: &Flow, wind: Vec3, speed: f64) ->
         },
         reference_speed: 0.1 * speed,
         velocity_diffusion: VELOCITY_DIFFUSION,
+        ambient_pressure: scene.ambient_pressure(),
         moving,
     }
 }

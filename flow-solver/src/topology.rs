@@ -102,11 +102,14 @@ pub struct Topology {
     pub no_slip: Vec<Side>,
     /// Sides that air passes, by their condition, in the order of [`Patch`].
     pub open: Vec<OpenSides>,
-    /// Canopy faces: owned ones (owner: the rank of the inside cell), then those
+    /// Canopy faces: owned ones (owner: the rank of the inside cell, of the only cell where there is one), then those
     /// of which only the outside cell is owned here.
     pub canopy: Numbering,
     /// Face of each local canopy face.
     pub canopy_face: Vec<u32>,
+    /// Every canopy face has a cell on one side only; the pressure on the other is
+    /// [`Settings::ambient_pressure`](crate::Settings::ambient_pressure).
+    pub one_sided: bool,
     /// Canopy faces that let air through, where at least one side is owned; their sides
     /// are listed as walls too. Empty where the canopy is airtight.
     pub porous_faces: Vec<PorousFace>,
@@ -198,7 +201,14 @@ impl Topology {
             faces,
             of: Owners { part, rank },
             node_local: HashMap::new(),
-            t: Self { n_owned: numbering.n_owned, numbering, images, periods, ..Self::default() },
+            t: Self {
+                n_owned: numbering.n_owned,
+                one_sided: grid.one_sided,
+                numbering,
+                images,
+                periods,
+                ..Self::default()
+            },
         };
         parts.add_cells();
         parts.add_interior();
@@ -277,7 +287,7 @@ fn images(numbering: &Numbering, periods: &[Vec3]) -> Vec<(u32, Vec3)> {
 fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     let mut near = vec![false; cells];
     let walls = faces.boundary.iter().filter(|(patch, ..)| *patch == Patch::Wall).map(|&(_, _, c)| c);
-    let canopy = faces.canopy.iter().flat_map(|&(inside, outside)| [inside, outside]);
+    let canopy = faces.canopy.iter().flat_map(|c| c.sides()).map(|(cell, _)| cell);
     walls.chain(canopy).for_each(|c| near[c as usize] = true);
     for _ in 1..WALL_CELLS {
         let before = near.clone();
@@ -303,7 +313,7 @@ fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>
         }
         c
     }
-    let through = faces.canopy.iter().filter(|_| permeable).copied();
+    let through = faces.canopy.iter().filter(|_| permeable).filter_map(|c| c.both());
     for (i, j) in neighbours(faces).chain(through) {
         let (a, b) = (find(&mut root, i), find(&mut root, j));
         root[a.max(b) as usize] = a.min(b);
@@ -368,7 +378,8 @@ fn numbered(
         ghosts.extend(mine.map(|side| image(opposite(face, side))));
     }
     if cloth {
-        ghosts.extend(faces.canopy.iter().filter_map(|&(i, o)| of.ghost(i, o)).map(plain));
+        let pairs = faces.canopy.iter().filter_map(|c| c.both());
+        ghosts.extend(pairs.filter_map(|(i, o)| of.ghost(i, o)).map(plain));
     }
     if let Some(wide) = wide {
         wide.of_all(&owned, |row| {
@@ -491,27 +502,27 @@ impl Builder<'_> {
     fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {
         let faces = self.faces;
         let (mut mine, mut theirs) = (Vec::new(), Vec::new());
-        for (k, &(inside, outside)) in faces.canopy.iter().enumerate() {
-            if self.of.is_mine(inside) {
+        for (k, cells) in faces.canopy.iter().enumerate() {
+            let Some(first) = cells.first() else { continue };
+            if self.of.is_mine(first) {
                 mine.push(k as u64);
-            } else if self.of.is_mine(outside) {
-                theirs.push((k as u64, self.of.part[inside as usize]));
+            } else if cells.outside.is_some_and(|outside| self.of.is_mine(outside)) {
+                theirs.push((k as u64, self.of.part[first as usize]));
             }
         }
         let before = faces.interior.len() + faces.boundary.len();
         let canopy = Numbering::new(mine, theirs);
         for (k, &g) in canopy.global.iter().enumerate() {
-            let (inside, outside) = faces.canopy[g as usize];
+            let cells = faces.canopy[g as usize];
             let nodes =
                 clean_face(self.grid.canopy_faces[g as usize]).expect("the face table has checked it");
             let face = self.add_face(nodes, before + g as usize);
             self.t.canopy_face.push(face);
-            if let (Some(cloth), Some(inside), Some(outside)) =
-                (cloth, self.local(inside), self.local(outside))
-            {
+            let both = cells.both().and_then(|(i, o)| self.local(i).zip(self.local(o)));
+            if let Some((cloth, (inside, outside))) = cloth.zip(both) {
                 self.t.porous_faces.push(PorousFace { face, inside, outside, cloth });
             }
-            for (cell, sign) in [(inside, 1.0), (outside, -1.0)] {
+            for (cell, sign) in cells.sides() {
                 if self.of.is_mine(cell) {
                     let side = Side { face, cell: self.local(cell).expect("owned"), sign, canopy: k as u32 };
                     if viscous { self.t.no_slip.push(side) } else { self.t.slip.push(side) }

@@ -40,6 +40,7 @@ fn flow_of(grid: &FlowGrid) -> case::Flow {
     flow.grid_file = Some(case::GridFile {
         path: "grid.msh".into(),
         membrane: "canopy".into(),
+        one_sided: None,
         patches,
         periodic: Vec::new(),
     });

@@ -48,7 +48,8 @@ impl VelocityAverage {
     pub fn of(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Option<Self> {
         let coupled = scene.stages[stage].kind == StageKind::Coupled;
         let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
-            let air = scene.resolved().canopy_air.density_kg_m3;
+            let sides = if scene.is_one_sided() { 0.5 } else { 1.0 };
+            let air = sides * scene.resolved().canopy_air.density_kg_m3;
             let fabric = scene.fabric.thickness_m * scene.fabric.density_kg_m3;
             fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)))
         });
@@ -83,7 +84,7 @@ impl VelocityAverage {
 const LEAST: f64 = 1e-3;
 
 /// Added mass over fabric mass of the first mode of a square panel of this area (m2), from
-/// `air` (kg/m3) on both sides and `fabric` (kg/m2): $`2 \rho / (k m)`$, $`k = \sqrt 2 \pi / a`$.
+/// `air` (kg/m3; half of it with air on one side only) on both sides and `fabric` (kg/m2): $`2 \rho / (k m)`$, $`k = \sqrt 2 \pi / a`$.
 fn mass_ratio(air: f64, fabric: f64, area: f64) -> f64 {
     2.0 * air * area.sqrt() / (std::f64::consts::SQRT_2 * std::f64::consts::PI * fabric)
 }

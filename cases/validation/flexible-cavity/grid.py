@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
-"""Writes the grid of the cavity with a flexible bottom: python3 grid.py CELLS FILE.msh (Gmsh 4.1, ASCII)
+"""Writes the grid of the cavity with a flexible bottom: python3 grid.py CELLS FILE.msh [below] (Gmsh 4.1, ASCII)
 
-One slice of cells of 0.1 m: the unit cavity of CELLS x CELLS above the panel at z = 0, and open air of 0.25 m below it.
+One slice of cells of 0.1 m: the unit cavity of CELLS x CELLS above the panel at z = 0; with the word `below` also open air
+of 0.25 m below it.
 """
 import sys
 
 CELLS, FILE = int(sys.argv[1]), sys.argv[2]
-BELOW = CELLS // 4
+BELOW = CELLS // 4 if "below" in sys.argv[3:] else 0
 X = [-0.5 + i / CELLS for i in range(CELLS + 1)]
 Y = [-0.05, 0.05]
-Z = [-0.25 + k / CELLS for k in range(BELOW + CELLS + 1)]
-GROUPS = ["canopy", "lid", "inlet", "outlet", "walls", "below", "front", "back"]
+Z = [(k - BELOW) / CELLS for k in range(BELOW + CELLS + 1)]
+GROUPS = ["canopy", "lid", "inlet", "outlet", "walls", *(["below"] if BELOW else []), "front", "back"]
 OPENING = 0.875  # inlet and outlet are the upper eighth of the sides
 
 
@@ -20,7 +21,7 @@ def node(i, j, k):
 
 faces = {group: [] for group in GROUPS}
 for i in range(CELLS):
-    for k, group in [(BELOW, "canopy"), (BELOW + CELLS, "lid"), (0, "below")]:
+    for k, group in [(BELOW, "canopy"), (BELOW + CELLS, "lid"), *([(0, "below")] if BELOW else [])]:
         faces[group].append([node(i, 0, k), node(i + 1, 0, k), node(i + 1, 1, k), node(i, 1, k)])
 for k in range(BELOW + CELLS):
     for i, opening in [(0, "inlet"), (CELLS, "outlet")]:

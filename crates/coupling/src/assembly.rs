@@ -92,14 +92,17 @@ impl CoupledStage<'_> {
         self.scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
     }
 
-    /// The air of the scene.
+    /// The air that the canopy accelerates. The lattice is that of a sheet with air on both sides, each of which has half of the
+    /// added mass: with air on one side only the density is halved.
     fn air(&self) -> Air {
         let flow = self.scene.flow.as_ref();
-        match flow {
+        let air = match flow {
             Some(f) if f.is_immersed() => Air::incompressible(f.density_kg_m3),
             Some(f) => Air { density: f.density_kg_m3, sound: f.sound_speed() },
             None => Air::incompressible(0.0),
-        }
+        };
+        let sides = if self.scene.is_one_sided() { 0.5 } else { 1.0 };
+        Air { density: sides * air.density, ..air }
     }
 
     /// Vortex lattice of the canopy in `state`; `None` where its faces cannot be merged into few enough groups.

@@ -106,6 +106,24 @@ pub fn plate_grid(
     grid
 }
 
+/// A box of hexahedra whose side at low z is the canopy, with a cell on one side only: outside where `normal_up`, so that the
+/// normal +z points into the box, else inside. The patch of this side is not used.
+pub fn floor_grid(n: [usize; 3], lo: Point, hi: Point, patches: [Patch; 6], normal_up: bool) -> FlowGrid {
+    let mut grid = plate_grid(n, lo, hi, patches, 0, [0..n[0], 0..n[1]]);
+    grid.one_sided = true;
+    if !normal_up {
+        grid.canopy_faces.iter_mut().for_each(|face| face.reverse());
+    }
+    let floor = |k: &usize| grid.boundary_patch[*k] != FLOOR;
+    let kept: Vec<usize> = (0..grid.boundary.len()).filter(floor).collect();
+    grid.boundary = kept.iter().map(|&k| grid.boundary[k]).collect();
+    grid.boundary_patch = kept.iter().map(|&k| grid.boundary_patch[k]).collect();
+    grid
+}
+
+/// Place of the side at low z among the patches of a box.
+const FLOOR: u16 = 4;
+
 /// A box of hexahedra without those whose i, j, k lie in the ranges of `block`: a rigid body inside, whose faces are the
 /// named patch `body` with the condition wall. The sides have the names of [`case::BoxSides::NAMES`].
 pub fn block_grid(

@@ -12,14 +12,40 @@ pub struct FaceTable {
     /// Nodes, owner, neighbour. The right-hand normal points from owner to
     /// neighbour; the owner has the lower number; sorted by owner.
     pub interior: Vec<(FaceNodes, u32, u32)>,
-    /// Cell inside and cell outside of each canopy face, whose normal
-    /// ([`FlowGrid::canopy_faces`]) points from the first to the second.
-    pub canopy: Vec<(u32, u32)>,
+    /// Cells of each canopy face.
+    pub canopy: Vec<CanopyCells>,
     /// Condition, nodes (normal out of the domain) and cell, in the order of
     /// [`FlowGrid::boundary`].
     pub boundary: Vec<(Patch, FaceNodes, u32)>,
     /// Faces of the periodic patches, which lie between two cells.
     pub periodic: PeriodicFaces,
+}
+
+/// Cells of a canopy face, whose normal ([`FlowGrid::canopy_faces`]) points from inside to outside. With
+/// [`FlowGrid::one_sided`] there is one of them, else both.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CanopyCells {
+    /// Cell inside.
+    pub inside: Option<u32>,
+    /// Cell outside.
+    pub outside: Option<u32>,
+}
+
+impl CanopyCells {
+    /// Both cells; `None` where there is one.
+    pub fn both(self) -> Option<(u32, u32)> {
+        self.inside.zip(self.outside)
+    }
+
+    /// The cells, with +1 where the normal points out of the cell, else -1.
+    pub fn sides(self) -> impl Iterator<Item = (u32, f64)> {
+        [(self.inside, 1.0), (self.outside, -1.0)].into_iter().filter_map(|(cell, sign)| Some((cell?, sign)))
+    }
+
+    /// The cell inside; where there is none, the one outside. The rank of this cell owns the face.
+    pub fn first(self) -> Option<u32> {
+        self.inside.or(self.outside)
+    }
 }
 
 /// The face without repeated neighbours in its cycle, triangles closed by
@@ -158,7 +184,8 @@ impl FaceTable {
     ///
     /// # Errors
     /// A face that is open without a condition or shared by too many cells, a
-    /// canopy or boundary face that no cell has, a cell without positive volume.
+    /// canopy or boundary face that no cell has, a canopy face with another number of cells than
+    /// [`FlowGrid::one_sided`] says, a cell without positive volume.
     pub fn new(grid: &FlowGrid) -> Result<Self, MeshError> {
         quality::check_volumes(grid)?;
         let sides = Sides::new(grid);
@@ -176,14 +203,17 @@ impl FaceTable {
             let loose = MeshError::UnmatchedFace { kind: "canopy", index, nodes };
             let Some(f) = clean_face(nodes) else { return Err(loose) };
             let Some(first) = sides.around(f).next() else { return Err(loose) };
-            let second = partner[first as usize];
-            if second >= TAKEN {
-                return Err(loose);
+            let second = match (partner[first as usize], grid.one_sided) {
+                (OPEN, true) => None,
+                (second, false) if second < TAKEN => Some(second),
+                _ => return Err(loose),
+            };
+            let (a, b) = (Some(first / 6), second.map(|s| s / 6));
+            let (inside, outside) = if same_turn(sides.listed(first), f) { (a, b) } else { (b, a) };
+            self.canopy.push(CanopyCells { inside, outside });
+            for slot in [Some(first), second].into_iter().flatten() {
+                partner[slot as usize] = TAKEN;
             }
-            let (a, b) = (first / 6, second / 6);
-            self.canopy.push(if same_turn(sides.listed(first), f) { (a, b) } else { (b, a) });
-            partner[first as usize] = TAKEN;
-            partner[second as usize] = TAKEN;
         }
         Ok(())
     }
@@ -251,13 +281,36 @@ mod tests {
         let grid = crate::plate_grid([4, 4, 4], [0.0; 3], [1.0; 3], [Patch::FarField; 6], 2, [1..3, 1..3]);
         let table = FaceTable::new(&grid).unwrap();
         assert_eq!(table.canopy.len(), 4);
-        for &(inside, outside) in &table.canopy {
+        for (inside, outside) in table.canopy.iter().map(|c| c.both().expect("two cells")) {
             let z = |c: u32| quality::cell_centre(&grid, c as usize)[2];
             assert!(z(inside) < 0.5 && z(outside) > 0.5);
         }
         // The plate took 4 of the interior faces away.
         let free = box_grid([4, 4, 4], [0.0; 3], [1.0; 3], [Patch::FarField; 6]);
         assert_eq!(FaceTable::new(&free).unwrap().interior.len(), table.interior.len() + 4);
+    }
+
+    /// The cell is inside where the normal points out of it; a grid with another number of cells than it says is refused.
+    #[test]
+    fn canopy_face_of_one_cell_has_it_on_the_side_of_its_normal() {
+        let of = |up| crate::floor_grid([3, 2, 2], [0.0; 3], [1.0; 3], [Patch::Wall; 6], up);
+        for up in [false, true] {
+            let table = FaceTable::new(&of(up)).unwrap();
+            assert_eq!(table.canopy.len(), 6);
+            assert_eq!(table.boundary.len(), 6 + 2 * (4 + 6));
+            for (k, cells) in table.canopy.iter().enumerate() {
+                let own = Some(k as u32);
+                let (inside, outside) = if up { (None, own) } else { (own, None) };
+                assert_eq!(*cells, CanopyCells { inside, outside });
+            }
+        }
+        let plate = crate::plate_grid([4; 3], [0.0; 3], [1.0; 3], [Patch::FarField; 6], 2, [1..3, 1..3]);
+        for wrong in [FlowGrid { one_sided: false, ..of(true) }, FlowGrid { one_sided: true, ..plate }] {
+            assert!(matches!(
+                FaceTable::new(&wrong),
+                Err(MeshError::UnmatchedFace { kind: "canopy", index: 0, .. })
+            ));
+        }
     }
 
     #[test]

@@ -49,7 +49,7 @@ impl Graph {
     /// face's load needs both.
     pub fn of_cells(cells: usize, faces: &FaceTable) -> Self {
         let interior = faces.interior.iter().map(|&(_, a, b)| [a, b]);
-        let canopy = faces.canopy.iter().map(|&(a, b)| [a, b]);
+        let canopy = faces.canopy.iter().filter_map(|c| c.both()).map(|(a, b)| [a, b]);
         Self::from_pairs(cells, interior.chain(canopy))
     }
 

@@ -161,8 +161,10 @@ pub struct FlowGrid {
     pub canopy_nodes: Vec<u32>,
     /// Interface faces in grid nodes, in the order and orientation of
     /// [`StructureMesh::faces`]. Each is a wall of zero thickness between two
-    /// cells that share these nodes.
+    /// cells that share these nodes; with `one_sided` a wall of one cell.
     pub canopy_faces: Vec<[u32; 4]>,
+    /// Every canopy face has a cell on one side only, instead of on both ([`case::GridFile::one_sided`]).
+    pub one_sided: bool,
     /// Outer boundary faces with their condition.
     pub boundary: Vec<(Patch, [u32; 4])>,
     /// Names of the patches of the outer boundary, as [`case::Flow::patches`]. Empty where the grid names none.

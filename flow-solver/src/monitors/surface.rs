@@ -42,6 +42,11 @@ impl Surface {
             // The face's area points from inside to outside.
             self.sides[side.canopy as usize][usize::from(side.sign < 0.0)] += p;
         }
+        if t.one_sided {
+            for side in t.sides().filter(|s| s.canopy != u32::MAX) {
+                self.sides[side.canopy as usize][usize::from(side.sign > 0.0)] = solver.settings.ambient_pressure;
+            }
+        }
         self.halo.accumulate(self.sides.as_flattened_mut(), 2);
         &self.sides[..t.canopy.n_owned]
     }

@@ -50,6 +50,9 @@ pub struct Settings {
     pub reference_speed: f64,
     /// Weight of velocity diffusion in the interface pressure.
     pub velocity_diffusion: f64,
+    /// Pressure on the side of the canopy that has no cells, Pa above that of the undisturbed air
+    /// ([`Topology::one_sided`]); without effect where both sides have cells.
+    pub ambient_pressure: f64,
     /// Whether the grid moves. On a fixed grid, arrays for grid motion are not allocated.
     pub moving: bool,
 }

@@ -23,6 +23,7 @@ pub fn settings(wind: impl Into<Vec3>, drop: f64) -> Settings {
         method: Method::PressureCorrection { depth: 5 },
         reference_speed: 0.1 * speed,
         velocity_diffusion: VELOCITY_DIFFUSION,
+        ambient_pressure: 0.0,
         moving: true,
     }
 }

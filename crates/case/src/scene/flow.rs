@@ -329,6 +329,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         gust::check(g, "flow.gust", c);
     }
     flow_grid::around_panel(scene, f, c);
+    flow_grid::around_one_sided(scene, c);
     boundary_values::check(scene, f, c);
     immersed::check(scene, c);
 }

@@ -49,9 +49,11 @@ pub struct GridFile {
     /// The file, from the scene's folder.
     pub path: PathBuf,
     /// Physical group of the faces that are the canopy: inside the volume, between two
-    /// cells that share their nodes.
+    /// cells that share their nodes; with `one_sided` on the boundary of the volume.
     #[serde(default = "canopy")]
     pub membrane: String,
+    /// Fluid is on one side of every canopy face only. Absent: on both sides.
+    pub one_sided: Option<OneSided>,
     /// Condition on each physical group of outer faces.
     pub patches: BTreeMap<String, Condition>,
     /// Pairs of patches with the condition `periodic`: the second is the first, translated.
@@ -61,6 +63,14 @@ pub struct GridFile {
 
 fn canopy() -> String {
     "canopy".into()
+}
+
+/// A canopy with fluid on one side only. On the other side is a uniform pressure, without fluid and inertia.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct OneSided {
+    /// Pressure on the side without cells, Pa above the pressure of the undisturbed air.
+    pub ambient_pressure_pa: f64,
 }
 
 /// Condition on an outer boundary.
@@ -201,6 +211,7 @@ pub(super) fn from_file(f: &Flow, c: &mut Check) {
     if let Some(g) = &f.grid_file {
         has_an_exit("flow.grid_file.patches", g.patches.values().copied(), c);
         periodic_pairs(g, c);
+        one_sided(g, c);
         if g.patches.len() > MAX_PATCHES {
             c.refuse(
                 "flow.grid_file.patches",
@@ -215,6 +226,55 @@ pub(super) fn from_file(f: &Flow, c: &mut Check) {
             format!("the grid file {} does not exist", g.path.display()),
             "name a Gmsh file (4.1) by its path from the scene's folder",
         );
+    }
+}
+
+/// Refuses an ambient pressure that is none.
+fn one_sided(g: &GridFile, c: &mut Check) {
+    if let Some(o) = g.one_sided {
+        c.range(
+            "flow.grid_file.one_sided.ambient_pressure_pa",
+            o.ambient_pressure_pa,
+            -1e7..=1e7,
+            "a pressure in Pa",
+        );
+    }
+}
+
+/// Refuses a canopy with fluid on one side only, where the other side is needed.
+pub(super) fn around_one_sided(scene: &Scene, c: &mut Check) {
+    if !scene.is_one_sided() {
+        return;
+    }
+    const KEY: &str = "flow.grid_file.one_sided";
+    if scene.fabric.permeability.is_some() {
+        c.refuse(
+            KEY,
+            "air that passes permeable fabric would enter a side without fluid",
+            "remove fabric.permeability, or give the grid cells on both sides and remove `one_sided`",
+        );
+    }
+    if scene.flow.as_ref().is_some_and(Flow::is_immersed) {
+        c.refuse(
+            KEY,
+            "an immersed canopy has fluid on both sides",
+            "remove [flow.immersed], or remove `one_sided`",
+        );
+    }
+    if !scene.has_canopy() {
+        c.refuse(KEY, "the scene has no canopy", "remove `one_sided`");
+    }
+}
+
+impl Scene {
+    /// Pressure on the side of the canopy without fluid, Pa above that of the undisturbed air; 0 with fluid on both sides.
+    pub fn ambient_pressure(&self) -> f64 {
+        self.grid_file().and_then(|g| g.one_sided).map_or(0.0, |o| o.ambient_pressure_pa)
+    }
+
+    /// Whether fluid is on one side of the canopy only ([`GridFile::one_sided`]).
+    pub fn is_one_sided(&self) -> bool {
+        self.grid_file().is_some_and(|g| g.one_sided.is_some())
     }
 }
 

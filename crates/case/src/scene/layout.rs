@@ -52,6 +52,13 @@ impl Scene {
         Some(state_file(&state_folder(out, self, source), role))
     }
 
+    /// Whether the fitted flow grid of the first stage with the flow is built around a shape that an earlier stage computes.
+    pub fn grid_awaits_shape(&self) -> bool {
+        let flows = |s: &crate::Stage| s.kind.roles().contains(&Role::Flow);
+        let first = self.stages.iter().position(flows).unwrap_or(0);
+        self.stages[..first].iter().any(|s| s.kind == StageKind::PreInflation)
+    }
+
     /// The canopy shape that the fitted flow grid of `stage` is built around: written by
     /// the structure's latest *uncoupled* stage, so that all later stages share
     /// one start grid; after a stage with an immersed canopy, the shape at its end. `None`: the unstressed shape.

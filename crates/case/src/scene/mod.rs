@@ -65,7 +65,7 @@ pub use flow::{
     Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,
     Viscosity, WallTreatment,
 };
-pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
+pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile, OneSided};
 pub use gored::{GoreProfile, GoreSection, GoredCanopy};
 pub use gust::{Gust, GustShape};
 pub use immersed::Immersed;

@@ -2,13 +2,15 @@
 //!
 //! The canopy is a named surface inside the volume: its nodes are shared by the cells
 //! on both sides, which is how [`FlowGrid`] says that a wall has no thickness, so its
-//! faces need only be found, not split. Canopy nodes come first, in the canopy's order.
+//! faces need only be found, not split. With [`GridFile::one_sided`] it is a surface of the
+//! boundary. Canopy nodes come first, in the canopy's order.
 
 use std::collections::{BTreeSet, HashMap};
 
 use case::{Condition, GridFile};
 
 use super::file_error::GridFileError;
+use super::sizes::GridSizes;
 use crate::geometry::{Point, Vec3, distinct};
 use crate::msh::{ElementShape, Msh};
 use crate::quality;
@@ -31,6 +33,29 @@ pub(super) fn from_file(
         Trouble::File(source) => MeshError::GridFile { path: file.path.clone(), source: Box::new(source) },
         Trouble::Mesh(e) => e,
     })
+}
+
+/// What is wrong with a canopy face.
+const NOT_TWO_CELLS: &str = "is not between two cells; if a given pressure without fluid is on its other side, set \
+     flow.grid_file.one_sided = { ambient_pressure_pa = ... }";
+const NOT_ONE_CELL: &str = "does not have a cell on one side only, as flow.grid_file.one_sided asks for; remove that key \
+     where fluid is on both sides";
+
+/// Cells and nodes of `file`, whatever shape the canopy has.
+///
+/// # Errors
+/// The file cannot be read, or has no volume elements.
+pub(super) fn sizes(file: &GridFile) -> Result<GridSizes, MeshError> {
+    let msh = Msh::read(&file.path)?;
+    let volumes = || msh.blocks.iter().filter(|b| b.shape.is_volume());
+    let nodes: BTreeSet<u64> = volumes().flat_map(|b| b.nodes.iter().copied()).collect();
+    match volumes().map(|b| b.elements().count() as u64).sum() {
+        0 => {
+            let source = Box::new(GridFileError::NoVolume);
+            Err(MeshError::GridFile { path: file.path.clone(), source })
+        }
+        cells => Ok(GridSizes { cells, nodes: nodes.len() as u64 }),
+    }
 }
 
 enum Trouble {
@@ -71,7 +96,8 @@ impl Reader<'_> {
         let conditions: Vec<(&String, &Condition)> = self.file.patches.iter().collect();
         let surfaces = self.surfaces(&conditions, !canopy.faces.is_empty());
         let patch_names = conditions.iter().map(|(name, _)| (*name).clone()).collect();
-        let mut grid = FlowGrid { patch_names, ..FlowGrid::default() };
+        let one_sided = self.file.one_sided.is_some();
+        let mut grid = FlowGrid { patch_names, one_sided, ..FlowGrid::default() };
         let mut number = self.canopy_nodes(&mut grid, canopy, positions, &surfaces.membrane)?;
         let elements = self.cells(&mut grid, &mut number);
         check_cells(&grid, &elements)?;
@@ -102,7 +128,7 @@ impl Reader<'_> {
             MeshError::UnmatchedFace { kind, nodes, index } => {
                 let place = middle(&grid, nodes);
                 let (name, what) = if kind == "canopy" {
-                    (&self.file.membrane, "is not between two cells")
+                    (&self.file.membrane, if one_sided { NOT_ONE_CELL } else { NOT_TWO_CELLS })
                 } else {
                     let name = conditions[surfaces.patches[index].0].0;
                     (name, "is not on the outer boundary of the volume, or occurs twice")

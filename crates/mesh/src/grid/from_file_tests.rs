@@ -31,7 +31,7 @@ fn name(patch: Patch) -> String {
 
 fn file(path: PathBuf, patches: &[(&str, Condition)]) -> GridFile {
     let patches: BTreeMap<String, Condition> = patches.iter().map(|(n, c)| ((*n).to_owned(), *c)).collect();
-    GridFile { path, membrane: "canopy".into(), patches, periodic: Vec::new() }
+    GridFile { path, membrane: "canopy".into(), one_sided: None, patches, periodic: Vec::new() }
 }
 
 const ALL: [(&str, Condition); 5] = [
@@ -152,13 +152,51 @@ fn gmsh_round_trip_keeps_all_cell_types() {
     let again = read(&grid, true);
     assert_eq!(again.canopy_faces.len(), 8);
     let faces = FaceTable::new(&again).unwrap();
-    for (&(inside, outside), f) in faces.canopy.iter().zip(&again.canopy_faces) {
+    for (cells, f) in faces.canopy.iter().zip(&again.canopy_faces) {
+        let (inside, outside) = cells.both().expect("two cells");
         let z = |c: u32| quality::cell_centre(&again, c as usize)[2];
         let at = again.coords[f[0] as usize][2];
         assert!(z(inside) < at && z(outside) > at, "the normal points up");
     }
     let total: f64 = sorted_volumes(&again).iter().sum();
     assert!((total - 1.0).abs() < 1e-12);
+}
+
+/// A canopy on the boundary of the volume is read where the scene says so, and only there.
+#[test]
+fn canopy_with_cells_on_one_side_is_read_where_the_scene_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("grid.msh");
+    let patches = [PATCHES[0], PATCHES[1], PATCHES[2], PATCHES[3], Patch::FarField, Patch::Outlet];
+    let named: Vec<_> = ALL.into_iter().filter(|(n, _)| *n != "far").collect();
+    let sides = |one_sided: bool| GridFile {
+        one_sided: one_sided.then(case::OneSided::default),
+        ..file(path.clone(), &named)
+    };
+    for up in [false, true] {
+        let grid = crate::floor_grid([3, 3, 2], [0.0; 3], [1.0; 3], patches, up);
+        let canopy = canopy_of(&grid);
+        write(&path, &grid, true);
+        let again = from_file(&sides(true), &canopy, &canopy.coords).unwrap();
+        assert!(again.one_sided && again.canopy_faces.len() == 9);
+        assert!(FaceTable::new(&again).unwrap().canopy.iter().all(|c| c.inside.is_some() != up));
+        match from_file(&sides(false), &canopy, &canopy.coords) {
+            Err(MeshError::GridFile { source, .. }) => {
+                assert!(source.to_string().contains("is not between two cells; if a given pressure"), "{source}");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    let grid = tetrahedra();
+    let canopy = canopy_of(&grid);
+    write(&path, &grid, true);
+    let both = GridFile { one_sided: Some(case::OneSided::default()), ..file(path.clone(), &ALL) };
+    match from_file(&both, &canopy, &canopy.coords) {
+        Err(MeshError::GridFile { source, .. }) => {
+            assert!(source.to_string().contains("does not have a cell on one side only"), "{source}");
+        }
+        other => panic!("{other:?}"),
+    }
 }
 
 /// What is wrong with a box of tetrahedra that `change` has spoilt.

@@ -16,7 +16,8 @@ pub struct GridSizes {
 }
 
 /// Sizes of the grid that [`super::flow_grid`] makes around `canopy` at any position: no coordinates are
-/// computed, so a grid of millions of cells costs as much as its canopy. A grid from a file is read.
+/// computed, so a grid of millions of cells costs as much as its canopy. A grid from a file is read, and fitted to `canopy` unless
+/// an earlier stage gives it another shape.
 ///
 /// # Errors
 /// Parameters that make no grid, and a file that cannot be read.
@@ -25,6 +26,9 @@ pub fn grid_sizes(scene: &Scene, canopy: &StructureMesh) -> Result<GridSizes, Me
         return Err(refuse("flow", "absent", "a flow grid needs the section [flow]"));
     };
     if let Some(file) = &flow.grid_file {
+        if scene.grid_awaits_shape() {
+            return from_file::sizes(file);
+        }
         let grid = from_file::from_file(file, canopy, &canopy.coords[..canopy.n_canopy])?;
         return Ok(GridSizes { cells: grid.cells.len() as u64, nodes: grid.coords.len() as u64 });
     }

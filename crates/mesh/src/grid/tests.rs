@@ -64,7 +64,7 @@ fn atps_default() {
     let summary = quality::summary(&grid);
     assert!(summary.min_scaled_jacobian > 0.3, "{summary:?}");
     // The first layers have about the thickness asked for.
-    for &(inside, outside) in &faces.canopy {
+    for (inside, outside) in faces.canopy.iter().map(|c| c.both().expect("two cells")) {
         for cell in [inside, outside] {
             let cell = &grid.cells[cell as usize];
             let length = |i: usize| (at(&grid.coords, cell[i]) - at(&grid.coords, cell[i + 4])).norm();
