@@ -22,7 +22,7 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "fabric.thickness",
-        what: "the fabric is thin enough for a membrane model without bending stiffness",
+        what: "the fabric is thin enough for a membrane model",
         estimate: "thickness_m",
         range: "parachute cloth is 0.02 to 1 mm thick: warning outside; error above 10 mm",
         source: "cloth of PIA-C-7020 is 0.076 to 0.10 mm thick as woven; its 0.037 kg/m2 correspond to 0.03 mm of solid nylon",
