@@ -44,7 +44,8 @@ impl Surface {
         }
         if t.one_sided {
             for side in t.sides().filter(|s| s.canopy != u32::MAX) {
-                self.sides[side.canopy as usize][usize::from(side.sign > 0.0)] = solver.settings.ambient_pressure;
+                self.sides[side.canopy as usize][usize::from(side.sign > 0.0)] =
+                    solver.settings.ambient_pressure;
             }
         }
         self.halo.accumulate(self.sides.as_flattened_mut(), 2);
