@@ -46,6 +46,8 @@ const CASES: &[(&str, &[&str])] = &[
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
     ("validation/flexible-cavity/scene.toml", &[]),
     ("validation/inverted-flag/scene.toml", &[]),
+    ("validation/ring-in-fluid/scene.toml", &["stages.force"]),
+    ("validation/tube-pulse/scene.toml", &[]),
 ];
 
 const DOCUMENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/reference/checks.md");

@@ -182,7 +182,10 @@ fn canopy_with_cells_on_one_side_is_read_where_the_scene_says_so() {
         assert!(FaceTable::new(&again).unwrap().canopy.iter().all(|c| c.inside.is_some() != up));
         match from_file(&sides(false), &canopy, &canopy.coords) {
             Err(MeshError::GridFile { source, .. }) => {
-                assert!(source.to_string().contains("is not between two cells; if a given pressure"), "{source}");
+                assert!(
+                    source.to_string().contains("is not between two cells; if a given pressure"),
+                    "{source}"
+                );
             }
             other => panic!("{other:?}"),
         }
