@@ -27,8 +27,9 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 28] = [
+const EFFECTS: [&str; 29] = [
     channel::RESUME,
+    channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,

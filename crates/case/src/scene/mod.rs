@@ -17,6 +17,7 @@ mod fabric;
 mod flow;
 mod flow_grid;
 mod gored;
+mod pattern;
 mod gust;
 mod immersed;
 mod layout;
@@ -67,6 +68,7 @@ pub use flow::{
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile};
 pub use gored::{GoreProfile, GoreSection, GoredCanopy};
+pub use pattern::PatternCanopy;
 pub use gust::{Gust, GustShape};
 pub use immersed::Immersed;
 pub use layout::*;
@@ -224,8 +226,8 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
             "`ripstop schema` prints what a scene may contain",
         )])
     })?;
-    if let (Canopy::Gmsh(g), Some(folder)) = (&mut scene.canopy, file.parent()) {
-        g.file = folder.join(&g.file);
+    if let (Some(path), Some(folder)) = (scene.canopy.file_mut(), file.parent()) {
+        *path = folder.join(&*path);
     }
     if let (Some(g), Some(folder)) = (scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()), file.parent()) {
         g.path = folder.join(&g.path);
