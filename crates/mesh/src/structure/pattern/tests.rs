@@ -132,9 +132,9 @@ fn gores_have_the_area_of_their_drawing() {
         }).sum();
         assert!(up > 0.9 * exact * angle.to_radians().cos(), "{up} {exact}");
         let [most, least] = stretches(&mesh);
-        // Seams are longer than the middle line by 1 / cos(pi / N), and both gores end beyond the seam by r (tan(pi / N) - pi / N), of triangles two thirds of h wide.
+        // Seams are longer than the middle line by 1 / cos(pi / N), and both gores end beyond the seam by r (tan(pi / N) - pi / N), of triangles at least h / 2 wide.
         let angle = PI / f64::from(gores);
-        let slack = 1.0 - angle.cos() + 3.0 * (angle.tan() - angle) / (2.0 / 3.0 * 0.4);
+        let slack = 1.0 - angle.cos() + 3.0 * (angle.tan() - angle) / (0.5 * 0.4);
         assert!(most <= 1.0 + 1e-9 && least > 1.0 - slack, "{most} {least} {slack}");
         // The lines, in the order of their angle, are as long as given; the longest is taut.
         let skirt = mesh.skirt();
@@ -177,7 +177,8 @@ fn a_sheet_becomes_a_cylinder() {
     let mesh = meshed(&cylinder(radius, height), 0.1, None);
     assert!((mesh.fabric_area(|_| true) / (2.0 * PI * radius * height) - 1.0).abs() < 1e-12);
     let far = mesh.coords.iter().map(|x| (x[0].hypot(x[1]) - radius).abs()).fold(0.0, f64::max);
-    assert!(far < 1e-12, "{far}");
+    // Relaxed by at most its margin: the third corner of a triangle is farther out than the chord of the other two, by h^2 / (8 R).
+    assert!(far < 1e-3 * radius, "{far}");
     let [most, least] = stretches(&mesh);
     // A chord over the angle h / R is shorter than its arc by the share (h / R)^2 / 24; sides are at most 1.5 h long.
     assert!(most <= 1.0 + 1e-9 && least > 1.0 - (1.5 * 0.1 / radius).powi(2) / 24.0, "{most} {least}");
