@@ -177,7 +177,8 @@ pub fn floor(system: &System) -> f64 {
     let scaled = |by: f64| -> Vec<f64> { system.model.reference.iter().map(|x| x * by).collect() };
     let taut = system.model.tautening;
     let energy = if taut > 1.0 {
-        let [less, at, more] = [1.0 - FLOOR_STRAIN, 1.0, 1.0 + FLOOR_STRAIN].map(|s| system.energy(&scaled(taut * s)));
+        let [less, at, more] =
+            [1.0 - FLOOR_STRAIN, 1.0, 1.0 + FLOOR_STRAIN].map(|s| system.energy(&scaled(taut * s)));
         0.5 * (more - 2.0 * at + less)
     } else {
         system.energy(&scaled(1.0 + FLOOR_STRAIN)) - system.energy(&system.model.reference)

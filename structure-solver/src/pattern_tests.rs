@@ -16,7 +16,14 @@ use crate::flat::at;
 use crate::loops::FaceLoad;
 
 /// A scene of a pattern with elements of `size` (m) in `folder`.
-fn scene(folder: &tempfile::TempDir, pattern: &str, size: f64, fabric: &str, canopy: &str, rest: &str) -> Scene {
+fn scene(
+    folder: &tempfile::TempDir,
+    pattern: &str,
+    size: f64,
+    fabric: &str,
+    canopy: &str,
+    rest: &str,
+) -> Scene {
     std::fs::write(folder.path().join("pattern.toml"), pattern).unwrap();
     let text = format!(
         "name = \"test\"\n[canopy]\nkind = \"pattern\"\nfile = \"pattern.toml\"\nelement_size_m = {size}\n{canopy}\n{}{rest}",
@@ -37,10 +44,10 @@ fn dynamics(scene: &Scene, mesh: StructureMesh) -> Dynamics {
     assemble::dynamics(&Comm::solo(), scene, 0, &Rc::new(mesh)).unwrap_or_else(|e| panic!("{e}"))
 }
 
-fn rest(d: &mut Dynamics, pressure: f64) -> Vec<f64> {
+fn rest(d: &mut Dynamics, pressure: f64, tolerance: f64) -> Vec<f64> {
     let p = vec![pressure; d.system.model.n_faces];
     let load = FaceLoad { pressure: &p, traction: &[] };
-    let params = EquilibriumParams { tolerance: 1e-9, ..Default::default() };
+    let params = EquilibriumParams { tolerance, ..Default::default() };
     d.equilibrium(load, [0.0; 3], params, &mut |_| ()).unwrap_or_else(|e| panic!("{e}"));
     d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect()
 }
@@ -71,8 +78,8 @@ fn radius_of(x: &[f64]) -> f64 {
 ///
 /// Large strain, axis free: the axial Cauchy stress is zero, the hoop force for each deformed length p r. In St. Venant-Kirchhoff's law without axial stress
 /// S = E (l^2 - 1) / 2 along the hoop, with the axial stretch m: m^2 = 1 - nu (l^2 - 1). The force for each length along the deformed axis is
-/// h S l / m = p R l, so that S = p R m / h. Polygons with sides of the angle a hold the same force by a radius that is smaller by a^2 / 24 in the mean of its area: the
-/// error of both meshes is bounded by it and falls with its square.
+/// h S l / m = p R l, so that S = p R m / h. Of a polygon whose sides have the angle a, R is R cos(a/2) in
+/// these formulas: the errors are at most a^2 / 8, and of second order.
 #[test]
 fn a_flat_sheet_becomes_a_cylinder_under_pressure() {
     let (radius, height, pressure, young, thick) = (0.5, 0.6, 400.0, 2e8, 1e-4);
@@ -85,7 +92,7 @@ fn a_flat_sheet_becomes_a_cylinder_under_pressure() {
         assert!((d.system.total_mass() / mass - 1.0).abs() < 1e-12, "{}", d.system.total_mass());
         assert_eq!(d.system.energy(&d.system.model.reference), 0.0);
         assert!(crate::energy::floor(&d.system) > 0.0);
-        let x = rest(&mut d, pressure);
+        let x = rest(&mut d, pressure, 1e-9);
         // S by iteration of the closed form.
         let (mut l, mut stress) = (1.0_f64, 0.0);
         for _ in 0..50 {
@@ -95,13 +102,18 @@ fn a_flat_sheet_becomes_a_cylinder_under_pressure() {
         }
         let hoop: Vec<f64> = d.system.loops()[0].stresses(&x).iter().map(|(s, _)| s[0]).collect();
         let mean = hoop.iter().sum::<f64>() / hoop.len() as f64;
-        println!("sheet of {size}: radius {:.6}, stress {:.6} of exact", radius_of(&x) / (radius * l), mean / stress);
+        println!(
+            "sheet of {size}: radius {:.6}, stress {:.6} of exact",
+            radius_of(&x) / (radius * l),
+            mean / stress
+        );
         [radius_of(&x) / (radius * l) - 1.0, mean / stress - 1.0]
     });
     let angle = [0.12, 0.06].map(|h: f64| h / radius);
     for (e, a) in errors.iter().zip(angle) {
-        assert!(e.iter().all(|e| e.abs() < a * a / 24.0 + 5e-4), "{errors:?}");
+        assert!(e.iter().all(|e| e.abs() < a * a / 8.0), "{errors:?}");
     }
+    assert!((0..2).all(|q| errors[0][q] / errors[1][q] > 3.0), "{errors:?}");
 }
 
 /// Lengths of the drawing count, not those of the start: a sheet that is 1 % larger makes a cylinder 1 % larger, from the same start.
@@ -111,14 +123,14 @@ fn lengths_of_the_drawing_count() {
     let at = [1.0, 1.01].map(|scale| {
         let s = scene(&folder, &cylinder(0.5, 0.6, scale), 0.12 * scale, "wrinkling = true", "", "");
         let mut d = dynamics(&s, mesh::structure_mesh(&s).unwrap());
-        radius_of(&rest(&mut d, 4.0))
+        radius_of(&rest(&mut d, 4.0, 1e-9))
     });
     assert!((at[1] / at[0] - 1.01).abs() < 2e-4, "{at:?}");
     // A reference of the start instead of the drawing is found: both would be equal.
     let found = [1.0, 1.01].map(|scale| {
         let s = scene(&folder, &cylinder(0.5, 0.6, scale), 0.12 * scale, "wrinkling = true", "", "");
         let mesh = StructureMesh { flat: Vec::new(), ..mesh::structure_mesh(&s).unwrap() };
-        radius_of(&rest(&mut dynamics(&s, mesh), 4.0))
+        radius_of(&rest(&mut dynamics(&s, mesh), 4.0, 1e-9))
     });
     assert!((found[1] / found[0] - 1.01).abs() > 5e-3, "{found:?}");
 }
@@ -161,7 +173,7 @@ fn figures(d: &Dynamics, x: &[f64], mesh: &StructureMesh) -> [f64; 3] {
 }
 
 /// A canopy of conical gores from their drawing has the area and mass of the kind `gored`, and under pressure comes to the same volume, height and mean membrane force. Both
-/// meshes differ; their difference falls as they are refined.
+/// meshes differ, and forces are in balance to 2e-4: canopies of slack cloth turn and fold at no force. The difference falls as meshes are refined.
 #[test]
 fn drawn_gores_are_those_of_the_gored_canopy() {
     let (angle, diameter, vent) = (20_f64.to_radians(), 6.0, 0.6);
@@ -181,7 +193,7 @@ fn drawn_gores_are_those_of_the_gored_canopy() {
             let mesh = mesh::structure_mesh(&s).unwrap();
             let mut d = dynamics(&s, mesh.clone());
             let (area, mass) = (mesh.fabric_area(|_| true), d.system.total_mass());
-            let x = rest(&mut d, 20.0);
+            let x = rest(&mut d, 20.0, 2e-4);
             let [volume, height, force] = figures(&d, &x, &mesh);
             println!("size {size}: area {area:.6} mass {mass:.6} volume {volume:.4} height {height:.4} force {force:.4}");
             [area, mass, volume, height, force]

@@ -189,8 +189,55 @@ impl Pattern {
             let at = place.map_or(String::new(), |(line, column)| format!("line {line}, column {column}: "));
             PatternFileError::Content {
                 path: path.into(),
-                reason: format!("{at}{}; the how-to \"canopy from a pattern\" has all keys", e.message().trim_end()),
+                reason: format!(
+                    "{at}{}; the how-to \"canopy from a pattern\" has all keys",
+                    e.message().trim_end()
+                ),
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn message(text: &str) -> String {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pattern.toml");
+        std::fs::write(&path, text).unwrap();
+        Pattern::read(&path).unwrap_err().to_string()
+    }
+
+    /// Every key of a pattern file stands in its how-to page: an unknown key is refused with all keys of its table.
+    #[test]
+    fn all_keys_are_documented() {
+        let page = include_str!("../../../docs/how-to/canopy-from-a-pattern.md");
+        for table in [
+            "",
+            "[[panel]]\n",
+            "[[panel]]\n[[panel.edge]]\n",
+            "[[panel]]\n[panel.start]\n",
+            "[[seam]]\n",
+            "[[attachment]]\n",
+            "[[hold]]\n",
+        ] {
+            let text = message(&format!("{table}strange = 1\n"));
+            let (_, keys) = text.split_once("expected").unwrap_or_else(|| panic!("{text}"));
+            let keys: Vec<&str> = keys.split('`').skip(1).step_by(2).collect();
+            assert!(keys.len() >= 2, "{text}");
+            for key in keys {
+                let named = [format!("`{key}`"), format!("`[[{key}]]`"), format!("`[[panel.{key}]]`")];
+                assert!(named.iter().any(|n| page.contains(n.as_str())), "{table}{key} is not documented");
+            }
+        }
+    }
+
+    #[test]
+    fn errors_name_the_place() {
+        let text = message("[[panel]]\nname = \"a\"\ncopies = \"two\"\n");
+        assert!(text.contains("pattern.toml: line 3, column 10") && text.contains("\"two\""), "{text}");
+        let missing = Pattern::read(Path::new("/none.toml")).unwrap_err().to_string();
+        assert!(missing.contains("/none.toml"), "{missing}");
     }
 }

@@ -148,6 +148,16 @@ impl StructureMesh {
         }
     }
 
+    /// Least quality of an unstressed triangle, $`4 \sqrt{3} A / \sum l^2`$: 1 where it is equilateral, 0 without area.
+    pub fn least_quality(&self) -> f64 {
+        let of = |t: usize| {
+            let [a, b, c] = self.reference_triangle(t);
+            let squares = (b - a).norm_squared() + (c - b).norm_squared() + (a - c).norm_squared();
+            2.0 * 3_f64.sqrt() * (b - a).cross(&(c - a)).norm() / squares
+        };
+        (0..self.triangles.len()).map(of).fold(1.0, f64::min)
+    }
+
     /// Area of the fabric, m2, of the panels that `panel` picks.
     pub fn fabric_area(&self, panel: impl Fn(u32) -> bool) -> f64 {
         let picked = self.triangle_face.iter().enumerate();

@@ -65,7 +65,10 @@ pub(super) fn find(outlines: &[Outline], key: &str, name: &str) -> Result<EdgeAt
     found.ok_or_else(|| PatternError::UnknownEdge {
         key: key.into(),
         name: name.into(),
-        edges: outlines.iter().flat_map(|o| o.edges.iter().map(|e| format!("{}.{}", o.panel, e.name))).collect(),
+        edges: outlines
+            .iter()
+            .flat_map(|o| o.edges.iter().map(|e| format!("{}.{}", o.panel, e.name)))
+            .collect(),
     })
 }
 
@@ -87,11 +90,17 @@ pub(super) fn panels(file: &Pattern, size: f64) -> Result<Vec<Panel<'_>>, Patter
     Ok(all)
 }
 
-fn panel(file: &PatternPanel, outline: Outline, cells: Vec<usize>, size: f64) -> Result<Panel<'_>, PatternError> {
+fn panel(
+    file: &PatternPanel,
+    outline: Outline,
+    cells: Vec<usize>,
+    size: f64,
+) -> Result<Panel<'_>, PatternError> {
     let points: Vec<Flat> = outline.edges.iter().zip(&cells).flat_map(|(e, n)| e.divided(*n)).collect();
     let panel = || outline.panel.clone();
     if points.len() < 3 {
-        let reason = format!("its outline is divided into {} parts; reduce canopy.element_size_m", points.len());
+        let reason =
+            format!("its outline is divided into {} parts; reduce canopy.element_size_m", points.len());
         return Err(PatternError::Panel { panel: panel(), reason });
     }
     outline.crossing(&points, &cells)?;
@@ -110,7 +119,8 @@ fn panel(file: &PatternPanel, outline: Outline, cells: Vec<usize>, size: f64) ->
 /// Numbers of equal parts of all edges, panel by panel: parts of at most `size` (m), as many on both edges of a seam, with a node at each attachment.
 fn parts(file: &Pattern, outlines: &[Outline], size: f64) -> Result<Vec<usize>, PatternError> {
     let lengths: Vec<f64> = outlines.iter().flat_map(|o| o.edges.iter().map(|e| e.length)).collect();
-    let number = |[panel, edge]: EdgeAt| outlines[..panel].iter().map(|o| o.edges.len()).sum::<usize>() + edge;
+    let number =
+        |[panel, edge]: EdgeAt| outlines[..panel].iter().map(|o| o.edges.len()).sum::<usize>() + edge;
     let mut sewn = Union::new(lengths.len());
     for (k, s) in file.seams.iter().enumerate() {
         let edges = [0, 1].map(|i| find(outlines, &format!("seam[{k}]"), &s.edges[i]));
@@ -130,7 +140,9 @@ fn parts(file: &Pattern, outlines: &[Outline], size: f64) -> Result<Vec<usize>, 
     for (e, length) in lengths.iter().enumerate() {
         let wanted = (length / size - 1e-9).ceil().max(1.0);
         if wanted > MOST_PARTS as f64 {
-            let reason = format!("{length:.4} m are {wanted:.0} parts of {size} m, and {MOST_PARTS} are allowed; increase it");
+            let reason = format!(
+                "{length:.4} m are {wanted:.0} parts of {size} m, and {MOST_PARTS} are allowed; increase it"
+            );
             return Err(PatternError::Entry { key: "canopy.element_size_m".into(), reason });
         }
         let root = sewn.root(e);
@@ -139,7 +151,8 @@ fn parts(file: &Pattern, outlines: &[Outline], size: f64) -> Result<Vec<usize>, 
     let mut shares = vec![Vec::new(); lengths.len()];
     for (key, edge, at) in points(file) {
         if !(0.0..=1.0).contains(&at) {
-            let reason = format!("at = {at} is no share of the length of \"{edge}\"; give a number from 0 to 1");
+            let reason =
+                format!("at = {at} is no share of the length of \"{edge}\"; give a number from 0 to 1");
             return Err(PatternError::Entry { key, reason });
         }
         let e = number(find(outlines, &key, edge)?);

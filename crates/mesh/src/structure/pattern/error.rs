@@ -96,7 +96,9 @@ pub enum PatternError {
         seams: [usize; 2],
     },
     /// Panels that no seam joins.
-    #[error("copy {copy} of panel \"{panel}\" is not joined with the first panel by seams: add the missing [[seam]]")]
+    #[error(
+        "copy {copy} of panel \"{panel}\" is not joined with the first panel by seams: add the missing [[seam]]"
+    )]
     Apart {
         /// Name of the panel.
         panel: String,

@@ -44,12 +44,14 @@ pub(super) fn pattern(
             return Err(bad(PatternError::Entry { key: "attachment".into(), reason: reason.into() }));
         }
         (None, false) => {
-            let reason = "the pattern has attachments, and the scene no canopy.line_length_m; add it, or remove them";
+            let reason =
+                "the pattern has attachments, and the scene no canopy.line_length_m; add it, or remove them";
             return Err(bad(PatternError::Entry { key: "attachment".into(), reason: reason.into() }));
         }
         (None, true) => {}
         (Some(length), false) => {
-            let reach = ends.iter().map(|&n| mesh.coords[n as usize]).map(|x| x[0].hypot(x[1])).fold(0.0, f64::max);
+            let reach =
+                ends.iter().map(|&n| mesh.coords[n as usize]).map(|x| x[0].hypot(x[1])).fold(0.0, f64::max);
             Suspension {
                 ends: &ends,
                 reach: (reach, "the largest distance of an attachment from the axis"),
@@ -74,9 +76,16 @@ pub(super) fn stretches(nodes: [u32; 3], flat: [Flat; 3], coords: &[Point]) -> [
 }
 
 /// The fabric with its tapes, and the nodes from which lines run in the order of their angle.
-fn assemble(file: &Pattern, size: f64, tapes: Option<&Tapes>) -> Result<(StructureMesh, Vec<u32>), PatternError> {
+fn assemble(
+    file: &Pattern,
+    size: f64,
+    tapes: Option<&Tapes>,
+) -> Result<(StructureMesh, Vec<u32>), PatternError> {
     if file.panels.is_empty() {
-        return Err(PatternError::Entry { key: "panel".into(), reason: "the pattern has no [[panel]]".into() });
+        return Err(PatternError::Entry {
+            key: "panel".into(),
+            reason: "the pattern has no [[panel]]".into(),
+        });
     }
     let panels = panels(file, size)?;
     let sewing = Sewing::new(file, &panels)?;
@@ -134,8 +143,10 @@ fn along_warp(flat: [Flat; 3], panel: &Panel<'_>) -> [Flat; 3] {
 
 /// Positions of the nodes, m: the mean of those that the panels of a node place it at.
 fn place(panels: &[Panel<'_>], sewing: &Sewing) -> Result<Vec<Point>, PatternError> {
-    let placements =
-        panels.iter().map(|p| Placement::new(&p.outline.panel, &p.file.start)).collect::<Result<Vec<_>, _>>()?;
+    let placements = panels
+        .iter()
+        .map(|p| Placement::new(&p.outline.panel, &p.file.start))
+        .collect::<Result<Vec<_>, _>>()?;
     let mut sums = vec![(Vec3::zeros(), 0.0); sewing.n_nodes];
     for ((p, copy), nodes) in sewing.copies.iter().zip(&sewing.nodes) {
         let file = panels[*p].file;
@@ -182,7 +193,8 @@ impl Parts<'_> {
         for (k, h) in self.file.holds.iter().enumerate() {
             let key = format!("hold[{k}]");
             if h.components.is_empty() || h.components.chars().any(|c| !"xyz".contains(c)) {
-                let reason = format!("components = \"{}\" must be some of the letters x, y and z", h.components);
+                let reason =
+                    format!("components = \"{}\" must be some of the letters x, y and z", h.components);
                 return Err(PatternError::Entry { key, reason });
             }
             let edge = find(self.outlines, &key, &h.edge)?;
@@ -212,7 +224,9 @@ impl Parts<'_> {
         ];
         for (place, _, edges, key) in lists.into_iter().filter(|(_, on, ..)| *on) {
             if edges.is_empty() {
-                let reason = format!("the scene has [tapes.{key}], and the pattern no edges for it; list them as {key} = [\"panel.edge\"]");
+                let reason = format!(
+                    "the scene has [tapes.{key}], and the pattern no edges for it; list them as {key} = [\"panel.edge\"]"
+                );
                 return Err(PatternError::Entry { key: key.into(), reason });
             }
             for (k, name) in edges.iter().enumerate() {
@@ -231,7 +245,13 @@ impl Parts<'_> {
     }
 
     /// A tape along an edge of a copy, with the flat lengths of the edge; on a seam with those of the shorter of both edges, onto which the other is gathered.
-    fn tape(&self, place: TapePlace, (edge, copy): (EdgeAt, usize), other: Option<EdgeAt>, mesh: &mut StructureMesh) {
+    fn tape(
+        &self,
+        place: TapePlace,
+        (edge, copy): (EdgeAt, usize),
+        other: Option<EdgeAt>,
+        mesh: &mut StructureMesh,
+    ) {
         let nodes = self.sewing.along(self.panels, edge, copy);
         let line = mesh.cables.iter().map(|c| c.line + 1).max().unwrap_or(0);
         let length = |[p, e]: EdgeAt| self.outlines[p].edges[e].length;

@@ -113,7 +113,8 @@ impl Outline {
                 });
             }
         }
-        let points: Vec<Flat> = self.edges.iter().flat_map(|e| &e.points[..e.points.len() - 1]).copied().collect();
+        let points: Vec<Flat> =
+            self.edges.iter().flat_map(|e| &e.points[..e.points.len() - 1]).copied().collect();
         if points.len() < 3 {
             let reason = format!("its outline has {} points, and needs at least 3", points.len());
             return Err(PatternError::Panel { panel: self.panel.clone(), reason });
@@ -213,9 +214,10 @@ fn meet([a, b]: [Flat; 2], [c, d]: [Flat; 2]) -> Option<Flat> {
             let along = (u[0] * w[0] + u[1] * w[1]) / length;
             (cross(u, w) / length).abs() <= 1e-9 * length && (0.0..=length).contains(&along)
         };
-        return [c, d].into_iter().find(|p| on(*p, [a, b])).or_else(|| {
-            [a, b].into_iter().find(|p| on(*p, [c, d]))
-        });
+        return [c, d]
+            .into_iter()
+            .find(|p| on(*p, [a, b]))
+            .or_else(|| [a, b].into_iter().find(|p| on(*p, [c, d])));
     }
     let (s, t) = (cross(w, v) / turn, cross(w, u) / turn);
     let inside = |x: f64| (-1e-9..=1.0 + 1e-9).contains(&x);

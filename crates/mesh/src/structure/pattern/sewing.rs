@@ -45,7 +45,8 @@ impl Sewing {
             .scan(0, |sum, (p, _)| Some(std::mem::replace(sum, *sum + panels[*p].flat.points.len())))
             .collect();
         let total = copies.iter().map(|(p, _)| panels[*p].flat.points.len()).sum();
-        let place: HashMap<(usize, usize), usize> = copies.iter().copied().zip(starts.iter().copied()).collect();
+        let place: HashMap<(usize, usize), usize> =
+            copies.iter().copied().zip(starts.iter().copied()).collect();
         let mut all = Union::new(total);
         for j in &joints {
             let [[pa, ea], [pb, eb]] = j.edges;
@@ -74,7 +75,10 @@ impl Sewing {
     }
 
     /// Triangles of the canopy with their copy, and the triangle of its panel.
-    pub fn triangles<'a>(&'a self, panels: &'a [Panel<'a>]) -> impl Iterator<Item = ([u32; 3], usize, [u32; 3])> + 'a {
+    pub fn triangles<'a>(
+        &'a self,
+        panels: &'a [Panel<'a>],
+    ) -> impl Iterator<Item = ([u32; 3], usize, [u32; 3])> + 'a {
         self.copies.iter().zip(&self.nodes).enumerate().flat_map(move |(copy, ((p, _), nodes))| {
             panels[*p].flat.triangles.iter().map(move |t| (t.map(|n| nodes[n as usize]), copy, *t))
         })
@@ -142,7 +146,11 @@ fn joints(file: &Pattern, panels: &[Panel<'_>]) -> Result<Vec<Joint>, PatternErr
         let key = format!("seam[{k}]");
         let edges = [find(&outlines, &key, &s.edges[0])?, find(&outlines, &key, &s.edges[1])?];
         let counts = edges.map(|[p, _]| panels[p].file.copies as usize);
-        let pairs = pairs(s, counts).map_err(|reason| PatternError::Seam { seam: k, edges: s.edges.clone(), reason })?;
+        let pairs = pairs(s, counts).map_err(|reason| PatternError::Seam {
+            seam: k,
+            edges: s.edges.clone(),
+            reason,
+        })?;
         for copies in pairs {
             if (edges[0], copies[0]) == (edges[1], copies[1]) {
                 let reason = "an edge cannot be sewn to itself; split it, or set next_copy = true".into();

@@ -123,7 +123,12 @@ pub(super) fn relax(pieces: &[Piece], coords: Vec<Point>) -> Relaxed {
             continue;
         }
         before = energy;
-        let next: Vec<Point> = y.iter().zip(&gradient).zip(&inverse).map(|((y, g), d)| (Vec3::from(*y) - g * *d).into()).collect();
+        let next: Vec<Point> = y
+            .iter()
+            .zip(&gradient)
+            .zip(&inverse)
+            .map(|((y, g), d)| (Vec3::from(*y) - g * *d).into())
+            .collect();
         let heavier = 0.5 * (1.0 + (1.0 + 4.0 * weight * weight).sqrt());
         let share = (weight - 1.0) / heavier;
         y = next.iter().zip(&x).map(|(b, a)| std::array::from_fn(|i| b[i] + share * (b[i] - a[i]))).collect();
@@ -163,7 +168,9 @@ pub(super) enum Placement {
 
 impl Placement {
     pub fn new(panel: &str, start: &PanelStart) -> Result<Self, PatternError> {
-        let wrong = |reason: &str| Err(PatternError::Panel { panel: panel.into(), reason: format!("start: {reason}") });
+        let wrong = |reason: &str| {
+            Err(PatternError::Panel { panel: panel.into(), reason: format!("start: {reason}") })
+        };
         if !start.turn_deg.is_finite() {
             return wrong("turn_deg must be an angle in degrees");
         }
@@ -190,9 +197,12 @@ impl Placement {
         };
         let sane = |p: &Flat| p.iter().all(|x| x.is_finite()) && p[0] >= 0.0;
         if points.len() < 2 || !points.iter().all(sane) {
-            return wrong("give at least two points [distance from the axis, height] in m, with distances of 0 and more");
+            return wrong(
+                "give at least two points [distance from the axis, height] in m, with distances of 0 and more",
+            );
         }
-        let steps: Vec<f64> = points.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).collect();
+        let steps: Vec<f64> =
+            points.windows(2).map(|p| (p[1][0] - p[0][0]).hypot(p[1][1] - p[0][1])).collect();
         if steps.iter().any(|l| *l <= 0.0) {
             return wrong("two neighbouring points are in one place; remove one");
         }
@@ -203,7 +213,9 @@ impl Placement {
             0.5 * (a[0] + b[0]) * (b[1] - a[1]) - (0.5 * (a[1] + b[1]) - low) * (b[0] - a[0])
         };
         if points.windows(2).map(out).sum::<f64>() <= 0.0 {
-            return wrong("it runs from the crown down; list its points from below to the crown, and draw y upwards");
+            return wrong(
+                "it runs from the crown down; list its points from below to the crown, and draw y upwards",
+            );
         }
         let mut lengths = vec![0.0];
         for step in steps {
@@ -227,7 +239,8 @@ impl Placement {
                 let [r, z] = [0, 1].map(|i| points[k][i] + t * (points[k + 1][i] - points[k][i]));
                 let r = r.max(0.0);
                 // On the axis every angle is the same place.
-                let angle = if r > 1e-9 * lengths[last + 1] { (x[0] / r).clamp(-0.5 * TAU, 0.5 * TAU) } else { 0.0 };
+                let angle =
+                    if r > 1e-9 * lengths[last + 1] { (x[0] / r).clamp(-0.5 * TAU, 0.5 * TAU) } else { 0.0 };
                 let (sin, cos) = (turn + angle).sin_cos();
                 [r * cos, r * sin, z]
             }

@@ -34,7 +34,11 @@ fn conical(gores: u32, [vent, skirt]: [f64; 2], angle_deg: f64) -> String {
         ("vent", vec![[b, length]]),
         ("left", vec![[-b, length]]),
     ];
-    let start = format!("{{ meridian_m = [[{skirt}, 0.0], [{vent}, {}]], turn_deg = {} }}", length * sin, 180.0 / f64::from(gores));
+    let start = format!(
+        "{{ meridian_m = [[{skirt}, 0.0], [{vent}, {}]], turn_deg = {} }}",
+        length * sin,
+        180.0 / f64::from(gores)
+    );
     let seam = "[[seam]]\nedges = [\"gore.right\", \"gore.left\"]\nnext_copy = true\n\
                 [[attachment]]\nedge = \"gore.skirt\"\nat = 0\n";
     format!(
@@ -50,8 +54,9 @@ fn ball(gores: u32, radius: f64) -> String {
     let at = |i: usize| PI * radius * i as f64 / f64::from(n as u32);
     let right: Vec<[f64; 2]> = (0..n).map(|i| [half(at(i)), at(i)]).collect();
     let left: Vec<[f64; 2]> = (0..n).map(|i| [-half(at(n - i)), at(n - i)]).collect();
-    let meridian: Vec<[f64; 2]> =
-        (0..=n).map(|i| [radius * (at(i) / radius).sin().max(0.0), -radius * (at(i) / radius).cos()]).collect();
+    let meridian: Vec<[f64; 2]> = (0..=n)
+        .map(|i| [radius * (at(i) / radius).sin().max(0.0), -radius * (at(i) / radius).cos()])
+        .collect();
     let start = format!("{{ meridian_m = {} }}", points(&meridian));
     panel("lune", &format!("copies = {gores}"), &[("right", right), ("left", left)], &start)
         + "[[seam]]\nedges = [\"lune.right\", \"lune.left\"]\nnext_copy = true\n\
@@ -68,14 +73,21 @@ fn cylinder(radius: f64, height: f64) -> String {
         ("left", vec![[-a, height]]),
     ];
     let start = format!("{{ meridian_m = [[{radius}, 0.0], [{radius}, {height}]] }}");
-    panel("wall", "", &edges, &start) + "[[seam]]\nedges = [\"wall.right\", \"wall.left\"]\n\
+    panel("wall", "", &edges, &start)
+        + "[[seam]]\nedges = [\"wall.right\", \"wall.left\"]\n\
         [[hold]]\nedge = \"wall.lower\"\ncomponents = \"z\"\n"
 }
 
 fn canopy(folder: &tempfile::TempDir, text: &str, size: f64, line: Option<f64>) -> Canopy {
     let file = folder.path().join("pattern.toml");
     std::fs::write(&file, text).unwrap();
-    Canopy::Pattern(PatternCanopy { file, element_size_m: size, line_length_m: line, segments_per_line: 1, risers: None })
+    Canopy::Pattern(PatternCanopy {
+        file,
+        element_size_m: size,
+        line_length_m: line,
+        segments_per_line: 1,
+        risers: None,
+    })
 }
 
 fn meshed(text: &str, size: f64, line: Option<f64>) -> StructureMesh {
@@ -121,15 +133,20 @@ fn gores_have_the_area_of_their_drawing() {
     for (gores, angle) in [(8, 0.0), (12, 25.0)] {
         let text = conical(gores, [0.3, 3.0], angle);
         let mesh = meshed(&text, 0.4, Some(5.0));
-        let exact = f64::from(gores) * (PI / f64::from(gores)).tan() * (9.0 - 0.09) / angle.to_radians().cos();
+        let exact =
+            f64::from(gores) * (PI / f64::from(gores)).tan() * (9.0 - 0.09) / angle.to_radians().cos();
         assert!((mesh.fabric_area(|_| true) / exact - 1.0).abs() < 1e-12);
         assert!((mesh.fabric_area(|c| c == 3) * f64::from(gores) / exact - 1.0).abs() < 1e-12);
         // Flat triangles are counter-clockwise, so that normals point out: upwards.
         assert!(mesh.flat.iter().all(|x| outline::area(x) > 0.0) && is_oriented(&mesh));
-        let up: f64 = mesh.triangles.iter().map(|t| {
-            let [a, b, c] = t.map(|n| crate::geometry::at(&mesh.coords, n));
-            0.5 * (b - a).cross(&(c - a)).z
-        }).sum();
+        let up: f64 = mesh
+            .triangles
+            .iter()
+            .map(|t| {
+                let [a, b, c] = t.map(|n| crate::geometry::at(&mesh.coords, n));
+                0.5 * (b - a).cross(&(c - a)).z
+            })
+            .sum();
         assert!(up > 0.9 * exact * angle.to_radians().cos(), "{up} {exact}");
         let [most, least] = stretches(&mesh);
         // Seams are longer than the middle line by 1 / cos(pi / N), and both gores end beyond the seam by r (tan(pi / N) - pi / N), of triangles at least h / 2 wide.
@@ -139,10 +156,14 @@ fn gores_have_the_area_of_their_drawing() {
         // The lines, in the order of their angle, are as long as given; the longest is taut.
         let skirt = mesh.skirt();
         assert_eq!((skirt.len(), mesh.cables.len()), (gores as usize, gores as usize));
-        let begins: Vec<f64> = mesh.cables.iter().map(|c| {
-            let x = mesh.coords[c.nodes[0] as usize];
-            x[1].atan2(x[0]).rem_euclid(2.0 * PI - 1e-6)
-        }).collect();
+        let begins: Vec<f64> = mesh
+            .cables
+            .iter()
+            .map(|c| {
+                let x = mesh.coords[c.nodes[0] as usize];
+                x[1].atan2(x[0]).rem_euclid(2.0 * PI - 1e-6)
+            })
+            .collect();
         assert!(begins.windows(2).all(|a| a[0] < a[1]), "{begins:?}");
         assert!(mesh.cables.iter().all(|c| c.rest_length == 5.0));
         assert_eq!(mesh.node_sets["gore.right"], mesh.node_sets["gore.left"]);
@@ -215,7 +236,9 @@ fn gathered(fullness: f64) -> String {
             ("left", vec![[0.0, 1.0]]),
         ]
     };
-    let start = |z: f64| format!("{{ origin_m = [0.0, 0.0, {z}], x_axis = [1.0, 0.0, 0.0], y_axis = [0.0, 0.0, 1.0] }}");
+    let start = |z: f64| {
+        format!("{{ origin_m = [0.0, 0.0, {z}], x_axis = [1.0, 0.0, 0.0], y_axis = [0.0, 0.0, 1.0] }}")
+    };
     panel("band", "", &edges(2.0), &start(0.0))
         + &panel("sail", "", &edges(2.0 * (1.0 + fullness)), &start(1.0))
         + "[[seam]]\nedges = [\"band.upper\", \"sail.lower\"]\n[[hold]]\nedge = \"band.lower\"\n"
@@ -241,7 +264,10 @@ fn fullness_is_gathered_evenly_without_tension() {
         let sewn = |t: usize| {
             let on = mesh.triangles[t].map(|n| seam.contains(&n));
             let x = mesh.reference_triangle(t);
-            (0..3).filter(|i| on[*i] && on[(i + 1) % 3]).map(|i| (x[i] - x[(i + 1) % 3]).norm()).collect::<Vec<_>>()
+            (0..3)
+                .filter(|i| on[*i] && on[(i + 1) % 3])
+                .map(|i| (x[i] - x[(i + 1) % 3]).norm())
+                .collect::<Vec<_>>()
         };
         let of_sail = (0..mesh.triangles.len()).filter(|t| mesh.face_panel[*t] == 1).flat_map(sewn);
         let lengths: Vec<f64> = of_sail.collect();
@@ -272,7 +298,9 @@ fn drawings_of_both_sides_make_one_canopy() {
                 ("lower", points[1].clone()),
             ];
         }
-        let start = format!("{{ origin_m = [0.0, 0.0, 1.0], x_axis = [{mirror}, 0.0, 0.0], y_axis = [0.0, 1.0, 0.0] }}");
+        let start = format!(
+            "{{ origin_m = [0.0, 0.0, 1.0], x_axis = [{mirror}, 0.0, 0.0], y_axis = [0.0, 1.0, 0.0] }}"
+        );
         panel("sheet", &format!("seen_from = \"{seen}\"\nwarp_deg = {warp}"), &corners, &start)
             + "[[hold]]\nedge = \"lower\"\n".replace("lower", "sheet.lower").as_str()
             + "[[hold]]\nedge = \"sheet.right\"\nat = 0.25\n"
@@ -286,7 +314,10 @@ fn drawings_of_both_sides_make_one_canopy() {
     assert!(a.coords.iter().all(near));
     let sum = |m: &StructureMesh| m.flat.iter().map(|x| (x[1][0] - x[0][0]).abs().max(0.0)).sum::<f64>();
     assert!(sum(&a) > 0.0 && (volume(&a) / volume(&b) - 1.0).abs() < 1e-9 && volume(&a) > 0.0);
-    assert_eq!((a.node_sets["sheet.right"].len(), a.fixed.len()), (b.node_sets["sheet.right"].len(), b.fixed.len()));
+    assert_eq!(
+        (a.node_sets["sheet.right"].len(), a.fixed.len()),
+        (b.node_sets["sheet.right"].len(), b.fixed.len())
+    );
     // The first axis is the warp: at 30 degrees from x in space.
     for m in [&a, &b] {
         for (t, nodes) in m.triangles.iter().enumerate() {
@@ -317,23 +348,31 @@ fn patterns_that_cannot_be_sewn_are_refused() {
     let says = |text: String, parts: &[&str]| assert!(parts.iter().all(|p| text.contains(p)), "{text}");
     says(refused("copies = 8", "copies = 0"), &["panel \"gore\"", "from 1 to 1000"]);
     says(refused("gore.right\", ", "gore.rigth\", "), &["seam[0]", "gore.rigth", "gore.left"]);
-    says(refused("next_copy = true", "next_copy = true\n[[seam]]\nedges = [\"gore.left\", \"gore.right\"]"), &["gore.left", "seam[0] and seam[1]", "at most two panels"]);
+    says(
+        refused("next_copy = true", "next_copy = true\n[[seam]]\nedges = [\"gore.left\", \"gore.right\"]"),
+        &["gore.left", "seam[0] and seam[1]", "at most two panels"],
+    );
     says(refused("next_copy = true", "copies = [0, 8]"), &["seam[0]", "copies 0 to 7"]);
     says(refused("next_copy = true", "copies = [0, 1]"), &["copy 2", "\"gore\"", "[[seam]]"]);
     says(refused("next_copy = true", ""), &["fold panel \"gore\""]);
     says(refused("at = 0", "at = 1.5"), &["attachment[0]", "1.5"]);
     says(refused("at = 0", "at = 0.2345678"), &["attachment[0]", "0.2345678"]);
     says(refused("[[seam]]", "[[sewn]]"), &["unknown field `sewn`", "line"]);
-    says(refused("meridian_m = [[3, 0.0], [0.3, 1.", "meridian_m = [[0.3, 1.3], [3, 0."), &["from below to the crown"]);
+    says(
+        refused("meridian_m = [[3, 0.0], [0.3, 1.", "meridian_m = [[0.3, 1.3], [3, 0."),
+        &["from below to the crown"],
+    );
     says(refused(", turn_deg", ", origin_m = [0.0, 0.0, 0.0], turn_deg"), &["either meridian_m"]);
     let mut clockwise = cylinder(0.5, 1.0);
     for (a, b) in [("lower", "x"), ("upper", "lower"), ("x", "upper")] {
         clockwise = clockwise.replace(a, b);
     }
     let corner = |y: f64| format!("{:.12}, {y:.12}]", PI * 0.5);
-    let swapped = clockwise.replace(&corner(0.0), "P").replace(&corner(1.0), &corner(0.0)).replace('P', &corner(1.0));
+    let swapped =
+        clockwise.replace(&corner(0.0), "P").replace(&corner(1.0), &corner(0.0)).replace('P', &corner(1.0));
     says(error(&swapped), &["runs clockwise", "3.1416 m2"]);
-    let crossed = cylinder(0.5, 1.0).replace("[[-1.570796326795, 1.000000000000]]", "[[2.5, 0.5], [-2.0, 0.5]]");
+    let crossed =
+        cylinder(0.5, 1.0).replace("[[-1.570796326795, 1.000000000000]]", "[[2.5, 0.5], [-2.0, 0.5]]");
     says(error(&crossed), &["panel \"wall\"", "cross or touch"]);
     says(error(&cylinder(0.02, 1.0)), &["fold panel \"wall\""]);
     let two = gathered(0.0).replace("[[seam]]\nedges = [\"band.upper\", \"sail.lower\"]\n", "");

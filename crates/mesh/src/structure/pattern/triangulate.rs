@@ -101,7 +101,9 @@ fn delaunay(points: &[Flat], outline: &[Flat]) -> Option<Vec<[u32; 3]>> {
     let vertices = points.iter().map(|p| Point2::new(p[0], p[1])).collect();
     let sides = (0..n).map(|i| [i, (i + 1) % n]).collect();
     let mut conflict = false;
-    let found = ConstrainedDelaunayTriangulation::<Point2<f64>>::try_bulk_load_cdt(vertices, sides, |_| conflict = true);
+    let found = ConstrainedDelaunayTriangulation::<Point2<f64>>::try_bulk_load_cdt(vertices, sides, |_| {
+        conflict = true
+    });
     let found = found.ok().filter(|t| !conflict && t.num_vertices() == points.len())?;
     let triangles = found.inner_faces().map(|f| f.vertices().map(|v| v.index() as u32));
     let middle = |t: &[u32; 3]| {
