@@ -173,7 +173,7 @@ fn figures(d: &Dynamics, x: &[f64], mesh: &StructureMesh) -> [f64; 3] {
 }
 
 /// A canopy of conical gores from their drawing has the area and mass of the kind `gored`, and under pressure comes to the same volume, height and mean membrane force. Both
-/// meshes differ, and forces are in balance to 2e-4: canopies of slack cloth turn and fold at no force. The difference falls as meshes are refined.
+/// meshes differ, and forces are in balance to 2e-4: canopies of slack cloth turn and fold at no force. The difference is below the mesh error.
 #[test]
 fn drawn_gores_are_those_of_the_gored_canopy() {
     let (angle, diameter, vent) = (20_f64.to_radians(), 6.0, 0.6);
@@ -203,8 +203,9 @@ fn drawn_gores_are_those_of_the_gored_canopy() {
     for k in 0..2 {
         assert!(difference(k, 0) < 1e-12 && difference(k, 1) < 1e-9, "{solved:?}");
     }
-    for (q, most) in [(2, 0.02), (3, 0.02), (4, 0.03)] {
-        assert!(difference(1, q) < most, "{q}: {solved:?}");
-        assert!(difference(1, q) < difference(0, q) + 0.25 * most, "{q}: {solved:?}");
+    // On the finer meshes both differ by less than the gored canopy changes from the coarser to the finer one: its mesh error.
+    for q in 2..5 {
+        let refinement = (solved[0][1][q] / solved[1][1][q] - 1.0).abs();
+        assert!(difference(1, q) < refinement && refinement < 0.02, "{q}: {solved:?}");
     }
 }
