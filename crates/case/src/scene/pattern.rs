@@ -16,7 +16,7 @@ use crate::{Scene, StageKind};
 pub struct PatternCanopy {
     /// The pattern file, from the scene's folder.
     pub file: PathBuf,
-    /// Length of the edges of the triangles, m. Edges of panels are divided equally into parts of at most this length, alike on both sides of a seam.
+    /// Length of the edges of the triangles, m. Edges of panels are divided equally into parts of at most this length, equally many on both sides of a seam.
     pub element_size_m: f64,
     /// Unstretched length of a line from its attachment to its confluence point, m. Absent: the pattern has no attachments.
     pub line_length_m: Option<f64>,
