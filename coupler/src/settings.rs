@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use case::set_value;
-use case::{Canopy, Override, Scene};
+use case::{Override, Scene};
 use coupling::error::RunError;
 use toml::{Table, Value};
 
@@ -103,8 +103,8 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
         let path = std::path::absolute(path).unwrap_or_else(|_| path.clone());
         Value::String(path.to_string_lossy().into_owned())
     };
-    if let Canopy::Gmsh(g) = &scene.canopy {
-        set_value(&mut table, &["canopy"], "file", path(&g.file))?;
+    if let Some(file) = scene.canopy.file() {
+        set_value(&mut table, &["canopy"], "file", path(file))?;
     }
     if let Some(g) = scene.grid_file() {
         set_value(&mut table, &["flow", "grid_file"], "path", path(&g.path))?;

@@ -42,6 +42,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("hard/membrane-box/scene.toml", &[]),
     ("hard/snapping-lines/scene.toml", &["descent.drag-coefficient", "stages.motion"]),
     ("hard/thin-cells/scene.toml", &[]),
+    ("pattern-conical/scene.toml", &[]),
     ("plate-gmsh/scene.toml", &[]),
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
     ("validation/flexible-cavity/scene.toml", &[]),

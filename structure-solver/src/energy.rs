@@ -170,10 +170,20 @@ const VERSION: u32 = 1;
 
 /// Energy of the whole structure at a uniform strain of [`FLOOR_STRAIN`], above that of the
 /// unstressed shape, J. Collective.
+///
+/// Fabric that starts slack ([`crate::model::Model::tautening`]) has none there. It is stretched from positions at which it is taut, where the second
+/// difference of the energy is twice that of a uniform strain.
 pub fn floor(system: &System) -> f64 {
-    let reference = &system.model.reference;
-    let stretched: Vec<f64> = reference.iter().map(|x| x * (1.0 + FLOOR_STRAIN)).collect();
-    system.comm().sum((system.energy(&stretched) - system.energy(reference)).abs())
+    let scaled = |by: f64| -> Vec<f64> { system.model.reference.iter().map(|x| x * by).collect() };
+    let taut = system.model.tautening;
+    let energy = if taut > 1.0 {
+        let [less, at, more] =
+            [1.0 - FLOOR_STRAIN, 1.0, 1.0 + FLOOR_STRAIN].map(|s| system.energy(&scaled(taut * s)));
+        0.5 * (more - 2.0 * at + less)
+    } else {
+        system.energy(&scaled(1.0 + FLOOR_STRAIN)) - system.energy(&system.model.reference)
+    };
+    system.comm().sum(energy.abs())
 }
 
 /// A structure whose time integration creates energy.

@@ -174,7 +174,8 @@ fn strains(model: &Model, x: &[f64]) -> impl Iterator<Item = (u32, f64)> {
 /// Highest circular frequency, rad/s, of the taut structure. Collective.
 fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
     let n = 3 * system.model.n_local();
-    let x: Vec<f64> = system.model.reference.iter().map(|x| x * (1.0 + EXPANSION)).collect();
+    let x: Vec<f64> =
+        system.model.reference.iter().map(|x| x * system.model.tautening * (1.0 + EXPANSION)).collect();
     let zero = vec![0.0; system.model.n_faces];
     let load = FaceLoad { pressure: &zero, traction: &[] };
     let mut work = vec![0.0; n];

@@ -42,6 +42,8 @@ mod contact_tests;
 #[cfg(test)]
 mod effect_tests;
 #[cfg(test)]
+mod pattern_tests;
+#[cfg(test)]
 mod scene_tests;
 #[cfg(test)]
 mod support_tests;

@@ -165,7 +165,7 @@ pub struct SplitFace {
 /// Direction of the warp in the unstressed fabric.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Warp {
-    /// Along the first edge of each face.
+    /// Along the first edge of each face; along the warp of the panel, where the mesh has flat shapes.
     FirstEdge,
     /// Along a vector laid onto the fabric.
     Vector(Point),
@@ -208,8 +208,10 @@ pub struct Model {
     pub numbering: Numbering,
     /// Exchange of nodal values.
     pub halo: Rc<Halo>,
-    /// Unstressed positions, m, shape `[n_local][3]`.
+    /// Positions of zero displacement, m, shape `[n_local][3]`: unstressed, unless the mesh has flat shapes of its own.
     pub reference: Vec<f64>,
+    /// Factor on these positions at which fabric is taut: 1 where they are unstressed.
+    pub tautening: f64,
     /// Membrane elements; the first [`Model::n_own_triangles`] are counted here
     /// in sums over all ranks.
     pub triangles: Vec<Triangle>,
@@ -296,6 +298,7 @@ impl Model {
         Ok(Self {
             comm: comm.clone(),
             reference: numbering.global.iter().flat_map(|&g| mesh.coords[g as usize]).collect(),
+            tautening: tautening(mesh),
             n_own_triangles: triangles.partition_point(|t| t.nodes[0] < n_owned),
             triangles,
             n_own_quads: quads.partition_point(|q| q.nodes[0] < n_owned),
@@ -374,6 +377,9 @@ impl Part<'_> {
 
     /// Direction of the warp on a face of the mesh.
     fn warp_on(&self, face: usize) -> Option<Vec3> {
+        if !self.mesh.flat.is_empty() {
+            return self.warp.map(|_| Vec3::x());
+        }
         let [a, b] = [0, 1].map(|i| at(&self.mesh.coords, self.mesh.faces[face][i]));
         match self.warp {
             None => None,
@@ -385,7 +391,7 @@ impl Part<'_> {
     fn triangles(&self, numbers: &[usize]) -> Result<Vec<Triangle>, ModelError> {
         let of = |&t: &usize| {
             let nodes = self.mesh.triangles[t];
-            let x = nodes.map(|n| at(&self.mesh.coords, n));
+            let x = self.mesh.reference_triangle(t);
             let mut reference =
                 membrane::Reference::new(x).ok_or(ModelError::FlatTriangle { triangle: t, nodes })?;
             let face = self.mesh.triangle_face[t];
@@ -403,7 +409,7 @@ impl Part<'_> {
     fn quads(&self, faces: &[usize]) -> Result<Vec<Quad>, ModelError> {
         let of = |&face: &usize| {
             let nodes = self.mesh.faces[face];
-            let x = nodes.map(|n| at(&self.mesh.coords, n));
+            let x = self.mesh.reference_face(face);
             // One axis for all points of an element, so that their strains have a mean.
             let axis = self.warp_on(face).unwrap_or_else(|| x[1] - x[0]);
             let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
@@ -441,6 +447,18 @@ impl Part<'_> {
         let local = |&(n, m): &(u32, f64)| self.numbering.local(u64::from(n)).map(|i| (i as u32, m));
         self.mesh.point_masses.iter().filter_map(local).collect()
     }
+}
+
+/// Most by which the start of sewn fabric is scaled to make it taut: cloth that is gathered further starts as folds, which are left out.
+const MOST_TAUTENING: f64 = 1.5;
+
+/// Factor on the positions of `mesh` at which no triangle is slack.
+fn tautening(mesh: &StructureMesh) -> f64 {
+    if mesh.flat.is_empty() {
+        return 1.0;
+    }
+    let least = (0..mesh.triangles.len()).map(|t| mesh.starting_stretches(t)[1]).fold(1.0, f64::min);
+    (1.0 / least).min(MOST_TAUTENING)
 }
 
 /// Faces of `mesh` that two triangles with a common diagonal approximate, with nodes of the mesh.

@@ -29,6 +29,7 @@ use crate::warm_start;
 /// Effects of a scene that this program implements.
 const EFFECTS: [&str; 29] = [
     channel::RESUME,
+    channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,

@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 
 use mesh::StructureMesh;
-use mesh::geometry::at;
 
 use crate::elements::bending;
 use crate::model::ModelError;
@@ -41,16 +40,21 @@ pub fn of(mesh: &StructureMesh) -> Result<Vec<Patch>, ModelError> {
     let mut all = Vec::new();
     for (t, corners) in mesh.triangles.iter().enumerate() {
         let neighbour = |i: usize| match across[&side(corners, i)][..] {
-            [a, b] => Some(if a.0 == t { b.1 } else { a.1 }),
+            [a, b] => Some(if a.0 == t { b } else { a }),
             _ => None,
         };
         let found = [0, 1, 2].map(neighbour);
-        let nodes =
-            std::array::from_fn(|i| if i < 3 { corners[i] } else { found[i - 3].unwrap_or(corners[i - 3]) });
+        let opposite = |i: usize| found[i].map_or(corners[i], |(_, node)| node);
+        let nodes = std::array::from_fn(|i| if i < 3 { corners[i] } else { opposite(i - 3) });
         if found != [None; 3] {
-            let x = nodes.map(|n| at(&mesh.coords, n));
             let flat = ModelError::FlatTriangle { triangle: t, nodes: *corners };
-            let reference = bending::Reference::new(x, found.map(|n| n.is_some())).ok_or(flat)?;
+            let across = std::array::from_fn(|i| {
+                let (other, node) = found[i]?;
+                let x = mesh.reference_triangle(other);
+                let place = |n: u32| mesh.triangles[other].iter().position(|m| *m == n).unwrap_or(0);
+                Some([corners[(i + 1) % 3], corners[(i + 2) % 3], node].map(|n| x[place(n)]))
+            });
+            let reference = bending::Reference::sewn(mesh.reference_triangle(t), across).ok_or(flat)?;
             all.push(Patch { nodes, reference });
         }
     }

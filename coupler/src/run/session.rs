@@ -184,6 +184,9 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if scene.flow.as_ref().is_some_and(|f| f.body_force() > 0.0) {
         all.push((Role::Flow, channel::BODY_FORCE.to_owned()));
     }
+    if matches!(scene.canopy, case::Canopy::Pattern(_)) {
+        all.push((Role::Structure, channel::FLAT_SHAPES.to_owned()));
+    }
     if scene.stages.iter().any(|s| !s.body_motions.is_empty()) {
         all.push((Role::Mesh, channel::BODY_MOTION.to_owned()));
     }

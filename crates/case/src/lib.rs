@@ -11,6 +11,7 @@ mod error;
 mod formula;
 pub mod materials;
 mod overrides;
+pub mod pattern;
 mod place;
 mod renamed;
 mod scene;

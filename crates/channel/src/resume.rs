@@ -41,6 +41,9 @@ pub const BODY_MOTION: &str = "stage.body-motion";
 /// window.
 pub const CANOPY_MOTION: &str = "canopy.motion";
 
+/// Effect of a structure whose unstressed shapes are those of `mesh::StructureMesh::flat`, not the positions from which the canopy starts.
+pub const FLAT_SHAPES: &str = "canopy.pattern";
+
 /// File with the warm-start data of a rank, in addition to its part of the program's state: warm starts, factors and
 /// all other data that affect only the last digits and are useless for another number of ranks.
 pub fn warm_start_file(folder: &Path, role: Role, rank: usize, ranks: usize) -> PathBuf {

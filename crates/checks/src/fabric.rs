@@ -55,6 +55,17 @@ pub const CHECKS: &[Check] = &[
         when: When::Before(strain),
     },
     Check {
+        id: "fabric.start",
+        what: "fabric sewn from flat panels starts without tension",
+        estimate: "principal stretches of all triangles at the start relative to their flat shape; quality 4 3^1/2 A / (sum of squared edges) of the flat triangles; only where the \
+                   canopy comes from a pattern file",
+        range: "warning where a triangle is stretched by more than 0.1 %, or slack by more than 1 % in fabric that carries compression",
+        source: "a strain of 0.1 % in cloth of 3e4 N/m is 30 N/m, a tenth of the force of an open canopy; slack cloth that wrinkles has no stress",
+        severity: Warning,
+        remedy: "place the panels nearer to their sewn shape (start in the pattern file), or set fabric.wrinkling = true",
+        when: When::Before(start),
+    },
+    Check {
         id: "fabric.strength",
         what: "the fabric carries the load pressure",
         estimate: "strength_n_m over p R, the force for each width of a canopy of radius R = width / 2 under the load pressure p; only where \
@@ -134,6 +145,26 @@ fn density(f: &Facts<'_>) -> Vec<Judged> {
 /// $`W = \tfrac12 E_Y t E^2`$ per reference area, $`E = p r / (E_Y t)`$ at any stretch.
 fn green_strain(p: f64, r: f64, stiffness: f64) -> f64 {
     p * r / stiffness
+}
+
+/// Stretch, slack and quality of sewn fabric at its start.
+fn start(f: &Facts<'_>) -> Vec<Judged> {
+    if f.mesh.flat.is_empty() {
+        return Vec::new();
+    }
+    let stretches = (0..f.mesh.triangles.len()).map(|t| f.mesh.starting_stretches(t));
+    let [most, least] = stretches.fold([0.0_f64, 1.0_f64], |m, s| [m[0].max(s[0]), m[1].min(s[1])]);
+    let (stretch, slack) = ((most - 1.0).max(0.0), 1.0 - least);
+    let loaded = stretch > 1e-3 || (!f.scene.fabric.wrinkling && slack > 0.01);
+    let figure = format!(
+        "{} triangles of {:.3} m2, of a quality of at least {}, start stretched by at most {} and slack by at most {}",
+        f.mesh.triangles.len(),
+        f.numbers.fabric_area,
+        digits(f.mesh.least_quality()),
+        percent(stretch),
+        percent(slack)
+    );
+    vec![Judged::new(if loaded { Warning } else { Note }, "canopy.file", figure)]
 }
 
 fn strain(f: &Facts<'_>) -> Vec<Judged> {

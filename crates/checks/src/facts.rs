@@ -108,7 +108,9 @@ impl<'a> Facts<'a> {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
             Canopy::Gored(_) | Canopy::Cross(_) => true,
-            Canopy::Gmsh(_) => self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine),
+            Canopy::Gmsh(_) | Canopy::Pattern(_) => {
+                self.mesh.cables.iter().any(|c| c.kind == CableKind::SuspensionLine)
+            }
             Canopy::AirBag(_) | Canopy::Panel(_) | Canopy::None => false,
         }
     }

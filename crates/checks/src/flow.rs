@@ -156,6 +156,7 @@ fn cells_across(f: &Facts<'_>) -> Vec<Judged> {
     let key = match f.scene.canopy {
         Canopy::Gmsh(_) => "canopy.file",
         Canopy::Gored(_) => "canopy.cells_along",
+        Canopy::Pattern(_) => "canopy.element_size_m",
         _ => "canopy.cells_across",
     };
     let figure = format!("about {across:.0} cells across the canopy, with edges of {} m", digits(n.cell));

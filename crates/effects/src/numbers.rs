@@ -195,7 +195,7 @@ fn cells_across(scene: &Scene, mesh: &StructureMesh) -> f64 {
         Canopy::Cross(x) => f64::from(x.cells_across + 2 * x.cells_along_arm),
         Canopy::AirBag(a) => f64::from(a.cells_across),
         Canopy::Panel(p) => f64::from(p.cells[0]),
-        Canopy::Gmsh(_) | Canopy::None => (mesh.faces.len() as f64).sqrt(),
+        Canopy::Gmsh(_) | Canopy::Pattern(_) | Canopy::None => (mesh.faces.len() as f64).sqrt(),
     }
 }
 

@@ -117,6 +117,17 @@ pub enum MeshError {
         /// What is wrong.
         source: Box<crate::GridFileError>,
     },
+    /// A pattern that cannot be cut, sewn or meshed.
+    #[error("{}: {source}", path.display())]
+    Pattern {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        source: Box<crate::PatternError>,
+    },
+    /// A pattern file that cannot be read.
+    #[error(transparent)]
+    PatternFile(#[from] case::pattern::PatternFileError),
     /// More ranks than elements.
     #[error("{parts} ranks for {elements} elements: use at most {elements} ranks")]
     TooManyParts {

@@ -30,5 +30,5 @@ pub use partition::*;
 pub use periodic::{PeriodicFace, PeriodicFaces};
 pub use quality_report::*;
 pub use shape::{load_shape, save_shape};
-pub use structure::structure_mesh;
+pub use structure::{PatternError, structure_mesh};
 pub use types::*;

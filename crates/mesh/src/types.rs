@@ -29,7 +29,7 @@ use crate::geometry::Point;
 /// ```
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct StructureMesh {
-    /// Unstressed positions, m.
+    /// Unstressed positions, m; with flat shapes those from which the canopy starts.
     pub coords: Vec<Point>,
     /// Number of canopy (interface) nodes.
     pub n_canopy: usize,
@@ -43,6 +43,10 @@ pub struct StructureMesh {
     pub triangles: Vec<[u32; 3]>,
     /// Interface face of each triangle.
     pub triangle_face: Vec<u32>,
+    /// Unstressed flat shape of each triangle, m, in axes of its panel whose first one is the warp, counter-clockwise as seen from outside. Empty: `coords` are the
+    /// unstressed shape. Otherwise all faces are triangles, and triangle t is face t.
+    #[serde(default)]
+    pub flat: Vec<[[f64; 2]; 3]>,
     /// Cable elements.
     pub cables: Vec<Cable>,
     /// Node and mass, kg.

@@ -14,6 +14,7 @@
 //! reference shape is bent. $`K`$ is linear in the positions, so the energy is quadratic (as the isometric bending of Bergou et
 //! al. 2006): forces of positions averaged over a step do the work of the energy's change exactly, the stiffness is
 //! constant, and triangles that collapse in slack fabric cause no singular force. A turn of the whole turns each $`K_{\alpha\beta}`$.
+//! On a seam the side has the length that it has in each triangle: the slopes are those of their own flat shapes.
 //! Sides without a neighbour, or with more than one, have no jump: they are hinges without a moment.
 //!
 //! Poisson's ratio of the bending is zero: $`D`$ is the moment for each width over the curvature.
@@ -47,15 +48,23 @@ impl Reference {
     /// Of the unstressed patch `x` (m). `inner`: whether a node lies across each side; the place of others does not count.
     /// `None` where a triangle has no area.
     pub fn new(x: [Vec3; 6], inner: [bool; 3]) -> Option<Self> {
+        let across = |i: usize| inner[i].then(|| [x[(i + 1) % 3], x[(i + 2) % 3], x[3 + i]]);
+        Self::sewn([x[0], x[1], x[2]], [0, 1, 2].map(across))
+    }
+
+    /// Of an unstressed triangle `x` (m) and the unstressed triangles across its sides, each in axes of its own: of side i, opposite to corner i, the nodes
+    /// i + 1 and i + 2, and the third corner. `None` where a triangle has no area.
+    pub fn sewn(x: [Vec3; 3], across: [Option<[Vec3; 3]>; 3]) -> Option<Self> {
         let area = 0.5 * (x[1] - x[0]).cross(&(x[2] - x[0])).norm();
         let first = (x[1] - x[0]) * (1.0 / (x[1] - x[0]).norm());
         let (_, second) = slope([x[0], x[1], x[2]])?;
         let mut curvature = [[0.0; 6]; 3];
-        for own in (0..3).filter(|i| inner[*i]) {
+        for own in 0..3 {
+            let Some(other) = across[own] else { continue };
             let nodes = [(own + 1) % 3, (own + 2) % 3];
             let [p, q] = nodes.map(|n| x[n]);
             let (inside, height) = slope([p, q, x[own]])?;
-            let (outside, _) = slope([p, q, x[3 + own]])?;
+            let (outside, _) = slope(other)?;
             let n = [height.dot(&first), height.dot(&second)];
             let share = 0.5 * (q - p).norm() / area;
             for (row, by) in curvature.iter_mut().zip([n[0] * n[0], n[1] * n[1], n[0] * n[1]]) {

@@ -137,11 +137,9 @@ fn project(p: Vec3, t: &[Vec3; 3]) -> Option<(f64, Vec3, [f64; 3])> {
 impl Contact {
     /// Of the triangles of `mesh`, of which `model` is the part of this rank.
     pub fn new(model: &Model, mesh: &StructureMesh, law: ContactLaw) -> Self {
-        let edge = mesh
-            .triangles
-            .iter()
-            .flat_map(|t| (0..3).map(move |i| [t[i], t[(i + 1) % 3]]))
-            .map(|[a, b]| (mesh::geometry::at(&mesh.coords, a) - mesh::geometry::at(&mesh.coords, b)).norm())
+        let edge = (0..mesh.triangles.len())
+            .map(|t| mesh.reference_triangle(t))
+            .flat_map(|x| (0..3).map(move |i| (x[i] - x[(i + 1) % 3]).norm()))
             .fold(0.0, f64::max);
         let n = mesh.coords.len();
         Self { ranks: Ranks::of(model, n), ..Self::of(mesh.triangles.clone(), n, law, edge) }

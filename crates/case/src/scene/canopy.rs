@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cross::{self, CrossCanopy};
 use super::gored::{self, GoredCanopy};
+use super::pattern::{self, PatternCanopy};
 use crate::check::Check;
 use crate::{Scene, Stage, StageKind};
 
@@ -33,6 +34,9 @@ pub enum Canopy {
     /// group `canopy`. Physical groups named `lines`, `risers` and `reinforcements` are cables at their rest length;
     /// `fixed`, `fixed-x`, `fixed-y` and `fixed-z` hold nodes; `payload` is the point of the payload.
     Gmsh(GmshCanopy),
+    /// A canopy sewn from flat panels, whose outlines, seams and attachments a pattern file gives (TOML, metres). Fabric is without stress where each panel is
+    /// flat; the mesh starts from an assembled shape without tension. A flow needs `[flow.immersed]`.
+    Pattern(PatternCanopy),
     /// A flat rectangular panel in the plane z = 0, its middle at the origin; a flow needs `[flow.box]`.
     ///
     /// It has no stiffness across its plane except that of `fabric.prestress_pa` and `fabric.bending_stiffness_n_m`.
@@ -193,6 +197,7 @@ impl Scene {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
             Canopy::Gored(_) | Canopy::Cross(_) => true,
+            Canopy::Pattern(p) => p.line_length_m.is_some(),
             // A file may have none; what it has needs [lines], which the structure checks.
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) | Canopy::None => false,
         }
@@ -214,6 +219,26 @@ impl Scene {
     }
 }
 
+impl Canopy {
+    /// The file that it is read from, if any.
+    pub fn file(&self) -> Option<&PathBuf> {
+        match self {
+            Canopy::Gmsh(g) => Some(&g.file),
+            Canopy::Pattern(p) => Some(&p.file),
+            _ => None,
+        }
+    }
+
+    /// As [`Canopy::file`], to change its path.
+    pub fn file_mut(&mut self) -> Option<&mut PathBuf> {
+        match self {
+            Canopy::Gmsh(g) => Some(&mut g.file),
+            Canopy::Pattern(p) => Some(&mut p.file),
+            _ => None,
+        }
+    }
+}
+
 /// What a length of `[canopy]` is.
 pub(super) const LENGTH: &str = "a length in metres";
 
@@ -227,6 +252,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         Canopy::Square(f) | Canopy::Circular(f) => flat(f, c),
         Canopy::Gored(g) => gored::check(g, scene.tapes.as_ref().is_some_and(|t| t.seams.is_some()), c),
         Canopy::Cross(x) => cross::check(x, c),
+        Canopy::Pattern(p) => pattern::check(p, scene, c),
         Canopy::AirBag(a) => {
             c.positive("canopy.edge_m", a.edge_m, 200.0, LENGTH);
             c.count("canopy.cells_across", a.cells_across, 2..=2000, "cells along the quarter sheet");

@@ -8,7 +8,7 @@ use super::canopy::LENGTH;
 use crate::Scene;
 use crate::check::Check;
 
-/// Risers of a canopy of gores or of a cross. Lines in the order of the skirt form groups of equal size; each group joins in a confluence point (connector link),
+/// Risers of a canopy of gores, of a cross or of a canopy from a pattern file. Lines in the order of the skirt form groups of equal size; each group joins in a confluence point (connector link),
 /// from which a riser runs to the payload. `[risers]` gives the section of the risers.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -29,6 +29,7 @@ impl Canopy {
         match self {
             Canopy::Gored(g) => g.risers.as_ref(),
             Canopy::Cross(x) => x.risers.as_ref(),
+            Canopy::Pattern(p) => p.risers.as_ref(),
             _ => None,
         }
     }
@@ -72,7 +73,7 @@ pub(super) fn check(r: &CanopyRisers, lines: u32, line_length: f64, width: f64, 
 /// Refuses risers without a section, a section without risers, and two places of their attachments.
 pub(crate) fn check_section(scene: &Scene, c: &mut Check) {
     let risers = scene.canopy.risers();
-    let can_have = matches!(scene.canopy, Canopy::Gored(_) | Canopy::Cross(_));
+    let can_have = matches!(scene.canopy, Canopy::Gored(_) | Canopy::Cross(_) | Canopy::Pattern(_));
     if can_have && risers.is_none() && scene.risers.is_some() {
         c.refuse(
             "risers",

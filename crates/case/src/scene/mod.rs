@@ -26,6 +26,7 @@ mod monitors;
 mod motions;
 mod nodes;
 mod output;
+mod pattern;
 mod perturbation;
 mod programs;
 mod reefing;
@@ -76,6 +77,7 @@ pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfaceP
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
 pub use output::{CanopyPoint, Output};
+pub use pattern::PatternCanopy;
 pub use perturbation::Perturbation;
 use programs::Programs;
 pub use programs::{Ranks, Role};
@@ -224,8 +226,8 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
             "`ripstop schema` prints what a scene may contain",
         )])
     })?;
-    if let (Canopy::Gmsh(g), Some(folder)) = (&mut scene.canopy, file.parent()) {
-        g.file = folder.join(&g.file);
+    if let (Some(path), Some(folder)) = (scene.canopy.file_mut(), file.parent()) {
+        *path = folder.join(&*path);
     }
     if let (Some(g), Some(folder)) = (scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()), file.parent()) {
         g.path = folder.join(&g.path);

@@ -331,8 +331,10 @@ fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     if scene.flow.is_none() {
         c.refuse(&at("kind"), format!("stage \"{}\" needs the flow", s.name), "add a [flow] section");
     }
-    let gridless =
-        matches!(scene.canopy, Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Gored(_) | Canopy::Cross(_));
+    let gridless = matches!(
+        scene.canopy,
+        Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Gored(_) | Canopy::Cross(_) | Canopy::Pattern(_)
+    );
     let fitted = gridless && !scene.is_immersed(s);
     if fitted && scene.grid_file().is_none() {
         c.refuse(

@@ -157,7 +157,7 @@ impl Canopy {
             Canopy::Atps(_) => &TapePlace::ALL,
             Canopy::Square(_) | Canopy::Panel(_) | Canopy::Cross(_) => &[TapePlace::Hem, TapePlace::Grid],
             Canopy::Circular(_) => &[TapePlace::Hem],
-            Canopy::Gored(_) => &[TapePlace::Hem, TapePlace::Seams, TapePlace::Vents],
+            Canopy::Gored(_) | Canopy::Pattern(_) => &[TapePlace::Hem, TapePlace::Seams, TapePlace::Vents],
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => &[],
         }
     }

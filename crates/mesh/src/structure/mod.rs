@@ -9,6 +9,7 @@ mod gored;
 mod hung_mass;
 mod node_sets;
 mod panel;
+mod pattern;
 mod payload;
 mod skirt;
 mod suspension;
@@ -20,10 +21,11 @@ pub(crate) mod tests;
 
 pub(crate) use atps::AtpsLayout;
 pub(crate) use flat::layout as flat_layout;
+pub use pattern::PatternError;
 
 use case::{Canopy, Scene};
 
-use crate::geometry::{Point, at};
+use crate::geometry::{Point, Vec3, at};
 use crate::{Cable, CableKind, MeshError, StructureMesh};
 
 /// Fabric, lines and payload of a scene, unstressed.
@@ -42,6 +44,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Cross(x) => cross::cross(x, &payload),
         Canopy::AirBag(b) => flat::air_bag(b),
         Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
+        Canopy::Pattern(p) => pattern::pattern(p, scene.tapes.as_ref(), &payload),
         Canopy::Panel(p) => panel::panel(p),
         Canopy::None => Ok(StructureMesh::default()),
     }?;
@@ -119,13 +122,49 @@ impl StructureMesh {
         (self.coords.len() - 1) as u32
     }
 
+    /// Unstressed shape of a triangle, m: its flat shape in the plane z = 0, where the mesh has one, else the positions of its nodes.
+    pub fn reference_triangle(&self, triangle: usize) -> [Vec3; 3] {
+        match self.flat.get(triangle) {
+            Some(flat) => flat.map(|x| Vec3::new(x[0], x[1], 0.0)),
+            None => self.triangles[triangle].map(|n| at(&self.coords, n)),
+        }
+    }
+
+    /// Unstressed shape of a face, m; as [`StructureMesh::reference_triangle`], a triangle repeats its last corner.
+    pub fn reference_face(&self, face: usize) -> [Vec3; 4] {
+        if self.flat.is_empty() {
+            return self.faces[face].map(|n| at(&self.coords, n));
+        }
+        // Faces of flat shapes are triangles, in one order with them.
+        let [a, b, c] = self.reference_triangle(face);
+        [a, b, c, c]
+    }
+
+    /// Principal stretches of a triangle at the positions of the mesh, the larger one first: 1 and 1 where these are its unstressed shape.
+    pub fn starting_stretches(&self, triangle: usize) -> [f64; 2] {
+        match self.flat.get(triangle) {
+            Some(flat) => pattern::stretches(self.triangles[triangle], *flat, &self.coords),
+            None => [1.0; 2],
+        }
+    }
+
+    /// Least quality of an unstressed triangle, $`4 \sqrt{3} A / \sum l^2`$: 1 where it is equilateral, 0 without area.
+    pub fn least_quality(&self) -> f64 {
+        let of = |t: usize| {
+            let [a, b, c] = self.reference_triangle(t);
+            let squares = (b - a).norm_squared() + (c - b).norm_squared() + (a - c).norm_squared();
+            2.0 * 3_f64.sqrt() * (b - a).cross(&(c - a)).norm() / squares
+        };
+        (0..self.triangles.len()).map(of).fold(1.0, f64::min)
+    }
+
     /// Area of the fabric, m2, of the panels that `panel` picks.
     pub fn fabric_area(&self, panel: impl Fn(u32) -> bool) -> f64 {
-        let picked = self.triangles.iter().zip(&self.triangle_face);
+        let picked = self.triangle_face.iter().enumerate();
         picked
             .filter(|(_, face)| panel(self.face_panel[**face as usize]))
             .map(|(t, _)| {
-                let [a, b, c] = t.map(|n| at(&self.coords, n));
+                let [a, b, c] = self.reference_triangle(t);
                 // Half of the length, not the length of the half: digits of earlier builds.
                 0.5 * (b - a).cross(&(c - a)).norm()
             })

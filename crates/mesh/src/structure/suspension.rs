@@ -59,12 +59,22 @@ impl Suspension<'_> {
         match self.risers {
             Some(r) => self.add_with_risers(r, mesh),
             None => {
-                let payload = mesh.push_node([0.0, 0.0, -(length * length - reach * reach).sqrt()]);
+                let payload = mesh.push_node([0.0, 0.0, -self.depth_on_axis(mesh)]);
                 self.push_lines(&[payload], mesh);
                 self.hold(&[payload], mesh);
                 Ok(())
             }
         }
+    }
+
+    /// Depth of a point on the axis below the height 0 at which the longest line is just taut, m.
+    fn depth_on_axis(&self, mesh: &StructureMesh) -> f64 {
+        let taut = |&n: &u32| {
+            let x = mesh.coords[n as usize];
+            let reach = x[0].hypot(x[1]);
+            (self.length * self.length - reach * reach).sqrt() - x[2]
+        };
+        self.ends.iter().map(taut).fold(f64::INFINITY, f64::min)
     }
 
     /// Adds the lines, in groups of equal size to the `confluences`.

@@ -34,7 +34,8 @@ impl StructureMesh {
             Canopy::Gored(g) => self.tape_gores(g, tapes),
             Canopy::Cross(x) => self.tape_cross(x, tapes)?,
             Canopy::Panel(p) => self.tape_panel(p, tapes),
-            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::None => {}
+            // Those of a pattern are made with it: they have the lengths of its edges.
+            Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Pattern(_) | Canopy::None => {}
         }
         Ok(())
     }

@@ -199,6 +199,7 @@ fn refine_structure(scene: &mut Scene, _: usize, f: f64) {
         }
         Canopy::AirBag(b) => b.cells_across = times(b.cells_across, f),
         Canopy::Panel(p) => p.cells = p.cells.map(|c| if c == 1 { 1 } else { times(c, f) }),
+        Canopy::Pattern(p) => p.element_size_m /= f,
         Canopy::Gmsh(_) | Canopy::None => {}
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use case::{Canopy, Quantity, Scene};
+use case::{Quantity, Scene};
 use coupling::error::RunError;
 
 use super::parameter::{Kind, Parameter, Setting};
@@ -400,7 +400,7 @@ fn checked_parameters(
 fn absolute(scene: &mut Scene) -> Result<(), RunError> {
     let files = [
         scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
-        if let Canopy::Gmsh(g) = &mut scene.canopy { Some(&mut g.file) } else { None },
+        scene.canopy.file_mut(),
     ];
     for path in files.into_iter().flatten() {
         *path = std::path::absolute(&*path).map_err(RunError::file("resolve", &*path))?;

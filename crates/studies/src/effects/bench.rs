@@ -98,7 +98,7 @@ impl<'a> Bench<'a> {
         // Absolute paths, because the variant runs in another folder.
         let files = [
             scene.flow.as_mut().and_then(|f| f.grid_file.as_mut()).map(|g| &mut g.path),
-            if let case::Canopy::Gmsh(g) = &mut scene.canopy { Some(&mut g.file) } else { None },
+            scene.canopy.file_mut(),
         ];
         for path in files.into_iter().flatten() {
             *path = std::path::absolute(&*path).map_err(RunError::file("resolve", &*path))?;
