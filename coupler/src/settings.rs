@@ -141,7 +141,9 @@ mod tests {
         assert_eq!(scene.coupling.scheme, case::Scheme::Staggered);
         assert_eq!(scene.coupling.staggered.predictor, 1);
         assert_eq!(scene.stages[2].duration_s, 2.0);
-        assert!(matches!(scene.canopy, Canopy::Atps(ref a) if a.stitched_end == case::StitchedEnd::Top));
+        assert!(
+            matches!(scene.canopy, case::Canopy::Atps(ref a) if a.stitched_end == case::StitchedEnd::Top)
+        );
         let again = case::parse(Path::new("/x/scene.toml"), &text).expect("its text is a scene");
         assert_eq!(toml::to_string(&again).expect("text"), toml::to_string(&scene).expect("text"));
         assert!(text.starts_with("# ") && text.contains("with --set fabric.poisson_ratio=0.4 "), "{text}");

@@ -252,3 +252,33 @@ impl Placement {
 pub(super) fn turn(start: &PanelStart, copy: usize, copies: u32) -> f64 {
     start.turn_deg.to_radians() + TAU * copy as f64 / f64::from(copies)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The gradient is the derivative of the energy, which no position on a line between two exceeds its chord of: it is convex.
+    #[test]
+    fn gradient_is_the_derivative_of_a_convex_energy() {
+        let pieces = [
+            Piece::new([0, 1, 2], [[0.0, 0.0], [1.0, 0.1], [0.2, 0.9]]),
+            Piece::new([1, 3, 2], [[0.0, 0.0], [0.8, 0.0], [0.3, 0.7]]),
+        ];
+        let x: Vec<Point> = vec![[0.0; 3], [1.3, 0.0, 0.2], [0.1, 1.2, -0.3], [1.1, 1.0, 0.9]];
+        let wave = |i: usize| (1.3 * i as f64).sin();
+        let moved = |s: f64| -> Vec<Point> {
+            x.iter().enumerate().map(|(n, x)| std::array::from_fn(|c| x[c] + s * wave(3 * n + c))).collect()
+        };
+        let mut gradient = vec![Vec3::zeros(); 4];
+        let mut unused = gradient.clone();
+        let mut energy = |s: f64| gradient_of(&pieces, &moved(s), &mut unused);
+        let h = 1e-5;
+        let difference = (energy(h) - energy(-h)) / (2.0 * h);
+        let middle = energy(0.0);
+        let chord = 0.5 * (energy(1.0) + energy(-1.0));
+        gradient_of(&pieces, &x, &mut gradient);
+        let slope: f64 = (0..12).map(|i| gradient[i / 3][i % 3] * wave(i)).sum();
+        assert!(middle > 0.0 && (slope / difference - 1.0).abs() < 1e-8, "{slope} {difference}");
+        assert!(middle <= chord, "{middle} {chord}");
+    }
+}
