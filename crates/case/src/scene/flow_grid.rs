@@ -229,7 +229,7 @@ pub(super) fn from_file(f: &Flow, c: &mut Check) {
     }
 }
 
-/// Refuses an ambient pressure that is none.
+/// Refuses an ambient pressure out of range.
 fn one_sided(g: &GridFile, c: &mut Check) {
     if let Some(o) = g.one_sided {
         c.range(
