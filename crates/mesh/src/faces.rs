@@ -209,7 +209,7 @@ impl FaceTable {
                 _ => return Err(loose),
             };
             let (a, b) = (Some(first / 6), second.map(|s| s / 6));
-            let (inside, outside) = if !same_turn(sides.listed(first), f) { (a, b) } else { (b, a) };
+            let (inside, outside) = if same_turn(sides.listed(first), f) { (a, b) } else { (b, a) };
             self.canopy.push(CanopyCells { inside, outside });
             for slot in [Some(first), second].into_iter().flatten() {
                 partner[slot as usize] = TAKEN;
