@@ -132,6 +132,10 @@ STATISTICS = {
         "vertical_momentum": 25,
         "max_membrane_force": 26,
         "membrane_force_99": 27,
+        "max_hem_tape_tension": 28,
+        "max_seam_tape_tension": 29,
+        "max_vent_tape_tension": 30,
+        "max_grid_tape_tension": 31,
     },
     "flow": {
         "force_x": 0,

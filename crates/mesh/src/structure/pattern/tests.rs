@@ -175,7 +175,7 @@ fn gores_have_the_area_of_their_drawing() {
 fn tapes_follow_hem_vents_and_seams() {
     let folder = tempfile::tempdir().unwrap();
     let mut s = scene(canopy(&folder, &conical(8, [0.3, 3.0], 25.0), 0.4, Some(5.0)));
-    let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+    let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..Tape::default() });
     s.tapes = Some(Tapes { hem: tape, seams: tape, vents: tape, ..Tapes::default() });
     let mesh = structure_mesh(&s).unwrap();
     let length = |place| mesh.cable_length(CableKind::Tape(place));
@@ -249,7 +249,7 @@ fn fullness_is_gathered_evenly_without_tension() {
     let folder = tempfile::tempdir().unwrap();
     for fullness in [0.05, 0.2] {
         let mut s = scene(canopy(&folder, &gathered(fullness), 0.1, None));
-        let tape = Some(Tape { material: None, axial_stiffness_n: 1e4, mass_kg_m: 0.01 });
+        let tape = Some(Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..Tape::default() });
         s.tapes = Some(Tapes { seams: tape, ..Tapes::default() });
         let mesh = structure_mesh(&s).unwrap();
         assert!((mesh.fabric_area(|_| true) - 2.0 - 2.0 * (1.0 + fullness)).abs() < 1e-12);
