@@ -11,6 +11,7 @@ mod node_sets;
 mod panel;
 mod pattern;
 mod payload;
+mod refusals;
 mod skirt;
 mod suspension;
 #[cfg(test)]
@@ -22,6 +23,7 @@ pub(crate) mod tests;
 pub(crate) use atps::AtpsLayout;
 pub(crate) use flat::layout as flat_layout;
 pub use pattern::PatternError;
+pub(crate) use refusals::{even, positive, refuse};
 
 use case::{Canopy, Scene};
 
@@ -63,28 +65,6 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         mesh.point_masses.extend(nodes.into_iter().map(|n| (n, p.mass_kg)));
     }
     Ok(mesh)
-}
-
-pub(crate) fn refuse(key: &'static str, value: impl ToString, reason: impl Into<String>) -> MeshError {
-    MeshError::Parameter { key, value: value.to_string(), reason: reason.into() }
-}
-
-/// A length that must be finite and above zero.
-pub(crate) fn positive(key: &'static str, value: f64) -> Result<f64, MeshError> {
-    if value.is_finite() && value > 0.0 {
-        Ok(value)
-    } else {
-        Err(refuse(key, value, "must be a length above zero"))
-    }
-}
-
-/// Numbers of cells that a grid can have.
-pub(crate) fn even(key: &'static str, value: u32) -> Result<usize, MeshError> {
-    if value >= 2 && value.is_multiple_of(2) && value <= 10_000 {
-        Ok(value as usize)
-    } else {
-        Err(refuse(key, value, "must be an even number from 2 to 10000"))
-    }
 }
 
 impl StructureMesh {

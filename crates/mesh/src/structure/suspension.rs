@@ -9,7 +9,7 @@
 
 use case::{CanopyRisers, Scene};
 
-use super::{positive, refuse};
+use super::refusals::{positive, refuse};
 use crate::geometry::{Point, Vec3, at};
 use crate::{CableKind, MeshError, StructureMesh};
 

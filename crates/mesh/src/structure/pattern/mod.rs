@@ -23,7 +23,7 @@ pub use self::error::PatternError;
 use self::outline::{Flat, Outline};
 use self::sewing::Sewing;
 use self::start::{MOST_STRETCH, Piece, Placement, relax, turn};
-use super::positive;
+use super::refusals::positive;
 use super::suspension::{Payload, Suspension};
 use crate::geometry::{Point, Vec3};
 use crate::{Cable, CableKind, MeshError, StructureMesh};
