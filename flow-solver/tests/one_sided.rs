@@ -166,7 +166,8 @@ fn closed_volume_beside_a_moving_floor_keeps_its_mass() {
     assert!(drift.abs() < 1e-12, "{drift:e}");
     let total = Loads::new(&s).compute(&s);
     // Along the normal -z: the compressed fluid is inside and pushes out.
-    let pressure = air.density * sound_squared * height(8) / TOP[2];
+    let pressure = air.density * sound_squared * height(8) / (TOP[2] - height(8));
     let force = -total.force[2] / (TOP[0] * TOP[1]);
-    assert!((force / pressure - 1.0).abs() < 0.1, "{force} {pressure}");
+    // Waves of the motion are 9e-5 of it.
+    assert!((force / pressure - 1.0).abs() < 5e-4, "{force} {pressure}");
 }

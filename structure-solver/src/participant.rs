@@ -206,9 +206,10 @@ impl StructureSolver {
             }
         }
         if !warm_start::restore_state(&mut self.dynamics, folder)? && comm.is_root() {
-            println!(
-                "the saved state is of another number of ranks: the restart is exact to the tolerance of the solvers"
-            );
+            let exact = "the saved state is of another number of ranks: the restart is exact to the tolerance of the solvers";
+            let history = "but for contact and hysteresis, which start without their history";
+            let lost = self.dynamics.system.has_history();
+            println!("{exact}{}", if lost { format!(", {history}") } else { String::new() });
         }
         self.energy = EnergyBalance::load(folder)?.unwrap_or_default();
         self.pictures = Pictures::resume(&stage_folder);

@@ -15,18 +15,19 @@ fn as_is(_: &mut Vec<u8>) {}
 fn scenes() {
     let mut good = Vec::new();
     for entry in std::fs::read_dir(root().join("cases")).expect("cases").flatten() {
-        // Texts are read in another folder, where the file of a pattern is not.
-        let file = entry.path().join("scene.toml");
-        if file.exists() && case::load(&file).is_ok_and(|s| matches!(s.canopy, Canopy::Pattern(_))) {
-            continue;
-        }
-        if let Ok(text) = std::fs::read(file) {
+        if let Ok(text) = std::fs::read(entry.path().join("scene.toml")) {
             good.push(text);
         }
     }
     assert!(good.len() > 5);
-    // In a folder with the mesh that one of them names.
-    let file = &root().join("cases/plate-gmsh/scene.toml");
+    // In a folder with the files that they name.
+    let (folder, _) = slot();
+    for named in ["plate-gmsh/plate.msh", "pattern-conical/gore.pattern"] {
+        let from = root().join("cases").join(named);
+        let name = from.file_name().expect("a name");
+        std::fs::copy(&from, folder.path().join(name)).expect("a copy");
+    }
+    let file = &folder.path().join("scene.toml");
     let mut read = |bytes: &[u8]| {
         let text = String::from_utf8_lossy(bytes);
         let scene = case::parse(file, &text).map_err(|e| e.to_string())?;
@@ -40,6 +41,27 @@ fn scenes() {
         Ok(())
     };
     fuzz("scene", &good, as_is, &mut read, "scene.toml");
+}
+
+/// A pattern is meshed with a few elements across its largest extent.
+#[test]
+fn pattern_files() {
+    let mut scene = case::load(&root().join("cases/pattern-conical/scene.toml")).expect("a good scene");
+    let good = std::fs::read(root().join("cases/pattern-conical/gore.pattern")).expect("a pattern");
+    let (_folder, file) = slot();
+    let mut read = |bytes: &[u8]| {
+        std::fs::write(&file, bytes).expect("written");
+        let pattern = case::pattern::Pattern::read(&file).map_err(|e| e.to_string())?;
+        let points = pattern.panels.iter().flat_map(|p| &p.edges).flat_map(|e| e.points_m.as_flattened());
+        let extent = points.filter(|x| x.is_finite()).fold(1.0_f64, |m, x| m.max(x.abs()));
+        let Canopy::Pattern(canopy) = &mut scene.canopy else { panic!("not a pattern") };
+        (canopy.file, canopy.element_size_m) = (file.clone(), (0.3 * extent).min(200.0));
+        let mesh = mesh::structure_mesh(&scene).map_err(|e| e.to_string())?;
+        assert!(mesh.coords.iter().flatten().all(|x| x.is_finite()));
+        assert!((0..mesh.triangles.len()).all(|t| mesh.starting_stretches(t)[0] < 1.02));
+        Ok(())
+    };
+    fuzz("pattern", &[good], as_is, &mut read, "spoilt");
 }
 
 #[test]

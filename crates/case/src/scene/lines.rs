@@ -25,8 +25,8 @@ pub struct Lines {
     pub strength_n: Option<f64>,
     /// Safety factor that lines should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
-    /// Share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Not in stages with
-    /// `solve = "static"`.
+    /// Share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Each stage
+    /// starts as after a first loading; stages with `solve = "static"` have none.
     pub hysteresis: Option<f64>,
     /// A line that is shorter than its rest length carries nothing.
     #[serde(default = "yes")]

@@ -91,8 +91,8 @@ pub struct Risers {
     pub strength_n: Option<f64>,
     /// Safety factor that risers should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
-    /// As `lines.hysteresis`: share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Not in stages with
-    /// `solve = "static"`.
+    /// As `lines.hysteresis`: share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Each stage
+    /// starts as after a first loading; stages with `solve = "static"` have none.
     pub hysteresis: Option<f64>,
 }
 

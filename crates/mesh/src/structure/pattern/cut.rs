@@ -17,6 +17,9 @@ const LEAST_QUALITY: f64 = 0.02;
 /// Most parts of an edge.
 const MOST_PARTS: usize = 20_000;
 
+/// Most triangles of all copies: 15 times the elements of the paper's canopy.
+const MOST_TRIANGLES: f64 = 2e6;
+
 /// A panel, an edge of it as their places.
 pub(super) type EdgeAt = [usize; 2];
 
@@ -82,12 +85,27 @@ pub(super) fn panels(file: &Pattern, size: f64) -> Result<Vec<Panel<'_>>, Patter
         }
     }
     let mut cells = parts(file, &outlines, size)?.into_iter();
+    count(file, &outlines, size)?;
     let mut all = Vec::new();
     for (file, outline) in file.panels.iter().zip(outlines) {
         let cells: Vec<usize> = cells.by_ref().take(outline.edges.len()).collect();
         all.push(panel(file, outline, cells, size)?);
     }
     Ok(all)
+}
+
+/// Refuses an element size that makes too many triangles, by the area of the panels.
+fn count(file: &Pattern, outlines: &[Outline], size: f64) -> Result<(), PatternError> {
+    let areas = file.panels.iter().zip(outlines).map(|(p, o)| f64::from(p.copies) * o.area);
+    let triangles = areas.sum::<f64>() / (0.1875_f64.sqrt() * size * size);
+    if triangles <= MOST_TRIANGLES {
+        return Ok(());
+    }
+    let reason = format!(
+        "edges of {size} m make about {triangles:.1e} triangles, and {MOST_TRIANGLES:.0e} are allowed; increase it, or check that the points of the \
+         pattern are in metres"
+    );
+    Err(PatternError::Entry { key: "canopy.element_size_m".into(), reason })
 }
 
 fn panel(

@@ -24,6 +24,9 @@ fn between(a: Flat, b: Flat, t: f64) -> Flat {
     [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]
 }
 
+/// Most points of an outline: each pair of its sides is tested for a crossing.
+const MOST_POINTS: usize = 20_000;
+
 /// An edge of a panel, as seen from outside.
 #[derive(Clone, Debug)]
 pub(super) struct Edge {
@@ -65,6 +68,8 @@ pub(super) struct Outline {
     pub edges: Vec<Edge>,
     /// Side from which the drawing is seen.
     pub side: Side,
+    /// Area, m2.
+    pub area: f64,
 }
 
 impl Outline {
@@ -97,12 +102,13 @@ impl Outline {
             edges.reverse();
             edges.iter_mut().for_each(|e| e.points.reverse());
         }
-        let outline = Self { panel: p.name.clone(), edges, side: p.seen_from };
-        outline.check()?;
+        let mut outline = Self { panel: p.name.clone(), edges, side: p.seen_from, area: 0.0 };
+        outline.area = outline.check()?;
         Ok(outline)
     }
 
-    fn check(&self) -> Result<(), PatternError> {
+    /// Refuses an outline that encloses no area in its sense; the area, m2.
+    fn check(&self) -> Result<f64, PatternError> {
         for e in &self.edges {
             if e.points.windows(2).any(|p| distance(p[0], p[1]) <= 1e-9 * e.length) || e.length <= 0.0 {
                 let reason = "two neighbouring points are in one place (an edge ends at the first point of the next one); remove one";
@@ -115,8 +121,8 @@ impl Outline {
         }
         let points: Vec<Flat> =
             self.edges.iter().flat_map(|e| &e.points[..e.points.len() - 1]).copied().collect();
-        if points.len() < 3 {
-            let reason = format!("its outline has {} points, and needs at least 3", points.len());
+        if !(3..=MOST_POINTS).contains(&points.len()) {
+            let reason = format!("its outline has {} points, and needs 3 to {MOST_POINTS}", points.len());
             return Err(PatternError::Panel { panel: self.panel.clone(), reason });
         }
         let counts: Vec<usize> = self.edges.iter().map(|e| e.points.len() - 1).collect();
@@ -125,7 +131,7 @@ impl Outline {
         if area < 0.0 {
             return Err(PatternError::Clockwise { panel: self.panel.clone(), area: -area });
         }
-        Ok(())
+        Ok(area)
     }
 
     /// Refuses a closed polygon that crosses or touches itself, of which each edge has so many sides.

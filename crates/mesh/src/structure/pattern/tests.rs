@@ -96,9 +96,13 @@ fn meshed(text: &str, size: f64, line: Option<f64>) -> StructureMesh {
 }
 
 fn error(text: &str) -> String {
+    error_of(text, 0.3)
+}
+
+fn error_of(text: &str, size: f64) -> String {
     let folder = tempfile::tempdir().unwrap();
     let line = text.contains("[[attachment]]").then_some(20.0);
-    match structure_mesh(&scene(canopy(&folder, text, 0.3, line))) {
+    match structure_mesh(&scene(canopy(&folder, text, size, line))) {
         Ok(_) => panic!("accepted:\n{text}"),
         Err(e) => e.to_string(),
     }
@@ -377,6 +381,8 @@ fn patterns_that_cannot_be_sewn_are_refused() {
     says(error(&cylinder(0.02, 1.0)), &["fold panel \"wall\""]);
     let two = gathered(0.0).replace("[[seam]]\nedges = [\"band.upper\", \"sail.lower\"]\n", "");
     says(error(&two), &["copy 0 of panel \"sail\"", "not joined"]);
+    let fine = error_of(&good, 1e-3);
+    says(fine, &["canopy.element_size_m", "edges of 0.001 m make about", "in metres"]);
     let counts = gathered(0.0).replace("name = \"sail\"", "name = \"sail\"\ncopies = 2");
     says(error(&counts), &["seam[0]", "1 and 2 copies"]);
     says(error(&cylinder(0.5, 1.0).replace("\"wall.left\"", "\"wall.right\"")), &["sewn to itself"]);
