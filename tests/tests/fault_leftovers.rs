@@ -116,13 +116,20 @@ fn shared_memory_is_inaccessible_to_other_users() {
     let base = Base::new();
     let out = base.folder.path().join("watched");
     base.copy(&out);
-    let command = ripstop_run(&base.scene, &out, &["--stage", "descent", "--ranks", RANKS, "--quiet"]);
+    let mut command = descent(&base, &out);
+    command.args(["--set", "stage.descent.duration_s=100"]);
     // The run inherits the least restrictive umask.
     let mask = umask(Mode::empty());
     let mut run = start(command);
     umask(mask);
     let begun = || out.join("descent/history.csv").exists();
-    Limit::new(Duration::from_secs(120)).until(Duration::from_millis(20), begun).expect("the run begins");
+    Limit::new(Duration::from_secs(120)).until(Duration::from_millis(5), begun).expect("the run begins");
+    // A long run that stands still while it is inspected: it neither ends nor removes a file.
+    let mark = out.display().to_string();
+    for (pid, _) in processes_naming(&mark) {
+        signal(pid, Signal::STOP);
+    }
+    assert!(run.try_wait().expect("it can be waited for").is_none(), "the run ended before it was inspected");
     let left = left_of(run.id());
     let mut looked = 0;
     let mut open = Vec::new();
@@ -155,8 +162,7 @@ fn shared_memory_is_inaccessible_to_other_users() {
                 format!("echo x > {p}/x"),
                 format!("test -e {p} && rm -rf {p}"),
             ] {
-                // `rm` of files of another user fails in a folder with the sticky bit; the run may have removed the
-                // file in the meantime.
+                // `rm` of files of another user fails in a folder with the sticky bit.
                 assert!(!nobody(&line).status.success(), "another user could: {line}");
             }
         }
@@ -167,9 +173,10 @@ fn shared_memory_is_inaccessible_to_other_users() {
     } else {
         eprintln!("not tried as another user: that needs root and setpriv");
     }
-    let _ = run.kill();
+    for (pid, _) in processes_naming(&mark) {
+        signal(pid, Signal::KILL);
+    }
     let _ = run.wait();
-    let mark = out.display().to_string();
     let _ = Limit::new(Duration::from_secs(8))
         .until(Duration::from_millis(50), || processes_naming(&mark).is_empty());
 }
