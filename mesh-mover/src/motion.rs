@@ -243,7 +243,7 @@ impl Motion {
             qualities: [self.start_quality, self.reference_quality, self.quality],
             rebase_distance: self.rebase_distance,
             quality_loss: self.quality_loss,
-            next_grid: self.regridder.as_ref().map(Regridder::next),
+            next_grid: self.regridder.as_ref().and_then(Regridder::next),
             rebased: self.rebased,
             new_grids: self.new_grids,
             at_start: self.at_start,

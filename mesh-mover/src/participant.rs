@@ -555,9 +555,17 @@ fn interface_positions(grid: &FlowGrid, all: &[f64]) -> Vec<f64> {
     grid.canopy_nodes.iter().flat_map(|&a| all[a as usize]).collect()
 }
 
-/// Builds the new grids that the scene requests around the canopy of `structure`; they have the cells of `grid`.
+/// Builds new grids around the canopy of `structure`; they have the cells of `grid`. `None` where the scene excludes
+/// them.
 pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> Option<Regridder> {
-    let when = scene.mesh.regrid?;
+    let when = scene.mesh.regrid;
+    let automatic = || {
+        let file = scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some());
+        !file && scene.stages.iter().all(|s| s.body_motions.is_empty())
+    };
+    if !when.quality_threshold.map_or_else(automatic, |t| t > 0.0) {
+        return None;
+    }
     let (scene, structure) = (scene.clone(), structure.clone());
     let blocks = |grid: &FlowGrid| {
         use std::hash::{DefaultHasher, Hash, Hasher};

@@ -10,7 +10,7 @@ use mesh::{FlowGrid, Point};
 use mesh_mover::elastic::{Elastic, Solid};
 use mesh_mover::example_grid::{plate_in_box, plate_structure};
 use mesh_mover::motion::{Limits, Regridder};
-use mesh_mover::participant::{MeshMover, Setup};
+use mesh_mover::participant::{MeshMover, Setup, regridder};
 use mesh_mover::quality::volume;
 use mesh_mover::state::State;
 
@@ -63,7 +63,7 @@ impl MoverFixture {
             state,
             outer: settings.outer_boundary,
             regridder: (below > 0.0)
-                .then(|| Regridder::new(Regrid { quality_threshold: below, step }, build)),
+                .then(|| Regridder::new(Regrid { quality_threshold: Some(below), step }, build)),
             bodies: Default::default(),
         };
         let mover = MeshMover::on_grid(setup, &Comm::solo()).unwrap();
@@ -231,4 +231,22 @@ fn grid_that_degrades_within_a_window_is_replaced_in_it() {
     let mut again = MoverFixture::with(0.9, 1.0, 0.3, Some(state));
     assert_eq!(fixture.window(2, 0.52), again.window(2, 0.52));
     assert!(max_difference(&fixture.nodes(), &again.nodes()) < 1e-12);
+}
+
+/// New grids are the default; scenes with a grid file or moving bodies, around which none can be built, have to ask for them.
+#[test]
+fn new_grids_are_the_default_where_they_can_be_built() {
+    let grid = plate();
+    let structure = plate_structure(&grid);
+    let builds = |case: &str, more: &str| {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases").join(case).join("scene.toml");
+        let text = std::fs::read_to_string(&file).unwrap() + more;
+        let scene = case::parse(&file, &text).unwrap_or_else(|e| panic!("{case}: {e}"));
+        regridder(&scene, &structure, &grid).is_some()
+    };
+    let threshold = |t: f64| format!("\n[mesh.regrid]\nquality_threshold = {t:?}\n");
+    assert!(builds("square-drop", "") && builds("square-drop", &threshold(0.2)));
+    assert!(!builds("square-drop", &threshold(0.0)));
+    assert!(!builds("validation/ring-in-fluid", "") && builds("validation/ring-in-fluid", &threshold(0.2)));
 }

@@ -145,7 +145,17 @@ fn shared_memory_is_inaccessible_to_other_users() {
     assert!(looked > 20, "only {looked} files");
     assert!(open.is_empty(), "open to others: {open:?}");
 
-    // As another user, if permitted.
+    refused_to_another_user(&left);
+    for (pid, _) in processes_naming(&mark) {
+        signal(pid, Signal::KILL);
+    }
+    let _ = run.wait();
+    let _ = Limit::new(Duration::from_secs(8))
+        .until(Duration::from_millis(50), || processes_naming(&mark).is_empty());
+}
+
+/// Tries to read, change and remove the files `left` of a run as another user, if permitted.
+fn refused_to_another_user(left: &[PathBuf]) {
     let root = rustix::process::geteuid().is_root();
     if root && Command::new("setpriv").arg("--version").output().is_ok_and(|o| o.status.success()) {
         let nobody = |line: &str| {
@@ -153,7 +163,7 @@ fn shared_memory_is_inaccessible_to_other_users() {
             Command::new("setpriv").args(words).output().expect("it starts")
         };
         assert!(nobody("ls /dev/shm").status.success(), "another user sees the names");
-        for path in &left {
+        for path in left {
             let p = path.display();
             for line in [
                 format!("cat {p} > /dev/null"),
@@ -173,12 +183,6 @@ fn shared_memory_is_inaccessible_to_other_users() {
     } else {
         eprintln!("not tried as another user: that needs root and setpriv");
     }
-    for (pid, _) in processes_naming(&mark) {
-        signal(pid, Signal::KILL);
-    }
-    let _ = run.wait();
-    let _ = Limit::new(Duration::from_secs(8))
-        .until(Duration::from_millis(50), || processes_naming(&mark).is_empty());
 }
 
 fn meta_user(path: &Path) -> u32 {

@@ -421,14 +421,15 @@ fn only_scene_changes_that_affect_results_are_refused() {
             "{key}: {text}"
         );
     }
-    // A longer last stage, snapshots and a further stage.
+    // A longer last stage, new grids, snapshots and a further stage.
     let more = [
         ("duration_s = 0.04\n", "duration_s = 0.045\n"),
+        ("[coupling]\n", "[mesh.regrid]\nquality_threshold = 0.3\n\n[coupling]\n"),
         ("surface_every_windows = 3", "surface_every_windows = 1\ncheckpoint_every_windows = 2"),
     ];
     succeed(ripstop_run(&short(folder.path(), &more), &out, &["--resume"]));
     assert_eq!(History::read(&out, "descent").len(), 9);
-    let longest = [("duration_s = 0.04\n", "duration_s = 0.05\n"), more[1]];
+    let longest = [("duration_s = 0.04\n", "duration_s = 0.05\n"), more[2]];
     succeed(ripstop_run(&short(folder.path(), &longest), &out, &["--resume"]));
     let text = std::fs::read_to_string(out.join("descent/history.csv")).expect("rows");
     let windows: Vec<&str> = text.lines().skip(1).map(|l| l.split(',').next().unwrap_or_default()).collect();

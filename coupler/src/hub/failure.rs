@@ -96,6 +96,6 @@ pub(super) fn grid_motion_failure(values: &[f64; channel::STATS], panels: &[u32]
     };
     format!(
         "{cell}{region}; see the log of the mesh-mover. Remedies: an initial grid around a shape closer to the \
-         current one, mesh.regrid, shorter windows, a lower mesh.min_quality"
+         current one, shorter windows, a higher mesh.regrid.quality_threshold, a lower mesh.min_quality"
     )
 }

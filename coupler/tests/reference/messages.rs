@@ -43,7 +43,7 @@ const CLASSES: &[(&str, &str, &str)] = &[
     (
         "GridMotionFailed",
         "The canopy moves or folds so far that cells of the moved grid collapse.",
-        "Shorten `window_s`, add `[mesh.regrid]`, or refine the grid near the canopy.",
+        "Shorten `window_s`, raise `mesh.regrid.quality_threshold`, or refine the grid near the canopy.",
     ),
     (
         "SolveFailed",

@@ -100,7 +100,7 @@ pub const CHECKS: &[Check] = &[
                 error that names the cell and its place",
         source: "a scaled Jacobian at or below zero is a cell without a positive volume at a corner",
         severity: Error,
-        remedy: "add [mesh.regrid], or shorten window_s",
+        remedy: "shorten window_s, or raise mesh.regrid.quality_threshold",
         when: When::During(&["mesh-mover"]),
     },
     Check {

@@ -25,9 +25,13 @@ pub type Builder = Box<dyn Fn(&[Point]) -> Result<Vec<Point>, String>>;
 pub struct Regridder {
     build: Builder,
     when: Regrid,
-    /// Quality below which the next new grid is built: lower after one without improvement.
-    next: f64,
+    /// Quality below which the next new grid is built after one without improvement.
+    next: Option<f64>,
 }
+
+/// Threshold of a scene without one: this share of the quality of the grid when it was built. Where a grid has worn to a
+/// fourth, a window takes ten times longer than after a new one (docs/records/atps-descent.md).
+const AUTOMATIC_SHARE: f64 = 0.5;
 
 /// Intermediate grids between old and new that are checked before a transition.
 const TRANSITION_SAMPLES: u32 = 8;
@@ -47,15 +51,21 @@ const MAX_STEPS: f64 = 400.0;
 impl Regridder {
     /// With new grids from `build` under the conditions `when`.
     pub fn new(when: Regrid, build: Builder) -> Self {
-        Self { build, when, next: when.quality_threshold }
+        Self { build, when, next: None }
     }
 
-    pub(super) fn next(&self) -> f64 {
+    /// Quality below which a grid of quality `built` at its start is replaced.
+    fn threshold(&self, built: f64) -> f64 {
+        self.when.quality_threshold.unwrap_or(AUTOMATIC_SHARE * built)
+    }
+
+    /// Quality below which the next new grid is built, if one without improvement has lowered it.
+    pub(super) fn next(&self) -> Option<f64> {
         self.next
     }
 
     pub(super) fn set_next(&mut self, quality: f64) {
-        self.next = quality;
+        self.next = Some(quality);
     }
 }
 
@@ -175,10 +185,11 @@ impl Motion {
             return None;
         }
         let regridder = self.regridder.as_mut()?;
-        if shape.quality >= regridder.next {
+        let due = regridder.next.unwrap_or_else(|| regridder.threshold(self.start_quality));
+        if shape.quality >= due {
             return None;
         }
-        regridder.next = RETRY_QUALITY * shape.quality;
+        regridder.next = Some(RETRY_QUALITY * shape.quality);
         let built = (regridder.build)(accepted.canopy.as_chunks::<3>().0);
         // The same on every rank: all have built the same grid.
         Some(built.and_then(|nodes| self.start_transition(&nodes, accepted, shape)))
@@ -230,7 +241,7 @@ impl Motion {
 
     /// Whether a grid is so bad that it must be replaced within the window.
     pub(super) fn needs_new_grid_now(&self, shape: &MeshQuality, stage: WindowProgress) -> bool {
-        let below = self.regridder.as_ref().map_or(0.0, |r| r.when.quality_threshold);
+        let below = self.regridder.as_ref().map_or(0.0, |r| r.threshold(self.start_quality));
         !self.accepts(shape) || (stage == WindowProgress::NotStarted && is_urgent(shape.quality, below))
     }
 
@@ -266,7 +277,7 @@ impl Motion {
         (self.at_start, self.rebase_distance) = (true, 0.0);
         self.new_grids += 1;
         if let Some(r) = &mut self.regridder {
-            r.next = r.when.quality_threshold;
+            r.next = None;
         }
         Ok(())
     }

@@ -119,14 +119,39 @@ fn retry_after_a_useless_new_grid_is_at_four_fifths_of_the_quality() {
         Err("none".into())
     });
     let MotionTrial { at, motion, .. } = trial();
-    let mut motion =
-        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 1.0 }, build)), None);
+    let mut motion = motion
+        .with_regrid(Some(Regridder::new(Regrid { quality_threshold: Some(0.6), step: 1.0 }, build)), None);
     let reports = [0.601, 0.5, 0.401, 0.399, 0.32, 0.319].map(|quality| {
         let report = motion.accept(&at, &MeshQuality { quality, cell: 0, at: [0.0; 3], volume_ratio: 1.0 });
         (report, tried.get())
     });
     let none = || Some(Err("none".into()));
     assert_eq!(reports, [(None, 0), (none(), 1), (None, 1), (none(), 2), (None, 2), (none(), 3)]);
+}
+
+/// Without a threshold in the scene: below half of the quality at the start of the grid, here 1.
+#[test]
+fn automatic_threshold_is_half_of_the_quality_at_the_start() {
+    let tried = std::rc::Rc::new(std::cell::Cell::new(0));
+    let count = tried.clone();
+    let build: Builder = Box::new(move |_| {
+        count.set(count.get() + 1);
+        Err("none".into())
+    });
+    let MotionTrial { at, motion, .. } = trial();
+    let start = motion.start_quality;
+    let mut motion = motion.with_regrid(Some(Regridder::new(Regrid::default(), build)), None);
+    for (share, expected) in [(0.501, 0), (0.499, 1), (0.401, 1), (0.399, 2)] {
+        let shape = MeshQuality { quality: share * start, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
+        motion.accept(&at, &shape);
+        assert_eq!(tried.get(), expected, "{share}");
+    }
+    // Within the window where it has fallen to a fourth.
+    let urgent = |share: f64| {
+        let shape = MeshQuality { quality: share * start, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
+        motion.needs_new_grid_now(&shape, WindowProgress::NotStarted)
+    };
+    assert!(urgent(0.249) && !urgent(0.251));
 }
 
 /// A new grid that differs slightly from the old one: the offset decreases by one window's share at a time.
@@ -137,8 +162,8 @@ fn new_grid_is_the_reference_and_the_old_one_the_start_of_the_transition() {
         at.grid.as_chunks::<3>().0.iter().map(|x| [x[0], x[1], x[2] + 0.01 * (1.0 - x[2] * x[2])]).collect();
     let built = nodes.clone();
     let build: Builder = Box::new(move |_| Ok(built.clone()));
-    let mut motion =
-        motion.with_regrid(Some(Regridder::new(Regrid { quality_threshold: 0.6, step: 0.1 }, build)), None);
+    let mut motion = motion
+        .with_regrid(Some(Regridder::new(Regrid { quality_threshold: Some(0.6), step: 0.1 }, build)), None);
     let bad = MeshQuality { quality: 0.5, cell: 0, at: [0.0; 3], volume_ratio: 1.0 };
     motion.quality = 0.5;
     let report = motion.accept(&at, &bad).expect("one is due").expect("one is built");

@@ -181,9 +181,9 @@ pub(super) fn check(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mu
             "use kind = \"prescribed\", or remove its [[stage.body_motion]]",
         );
     }
-    if scene.mesh.regrid.is_some() {
+    if scene.mesh.regrid.quality_threshold.is_some_and(|t| t != 0.0) {
         c.refuse(
-            "mesh.regrid",
+            "mesh.regrid.quality_threshold",
             "a new grid is built around the canopy alone, but a rigid body moves too",
             "remove [mesh.regrid] or the [[stage.body_motion]]",
         );

@@ -26,8 +26,8 @@ pub struct MeshMotion {
     /// Motion of the nodes of the outer boundary.
     #[serde(alias = "outer")]
     pub outer_boundary: OuterBoundary,
-    /// Regridding where the quality of the moved grid falls. Absent: none.
-    pub regrid: Option<Regrid>,
+    /// Regridding where the quality of the moved grid falls.
+    pub regrid: Regrid,
 }
 
 impl Default for MeshMotion {
@@ -40,7 +40,7 @@ impl Default for MeshMotion {
             min_quality: 1e-3,
             max_increments: 8,
             outer_boundary: OuterBoundary::Fixed,
-            regrid: None,
+            regrid: Regrid::default(),
         }
     }
 }
@@ -76,20 +76,20 @@ pub enum OuterBoundary {
 
 /// When a new grid takes the place of the moved one.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct Regrid {
-    /// A new grid is built around the canopy where the smallest scaled Jacobian is below this.
+    /// A new grid is built around the canopy where the smallest scaled Jacobian is below this; 0: none is built.
+    /// Absent: half of the grid's own when it was built, and none for a grid file or moving rigid bodies.
     #[serde(alias = "below")]
-    pub quality_threshold: f64,
+    pub quality_threshold: Option<f64>,
     /// Longest way of a node to its place in the new grid in one window, in shares of the
     /// shortest cell edge around it: the flow follows the grid there as it follows any motion.
-    #[serde(default = "Regrid::default_step")]
     pub step: f64,
 }
 
-impl Regrid {
-    fn default_step() -> f64 {
-        0.25
+impl Default for Regrid {
+    fn default() -> Self {
+        Self { quality_threshold: None, step: 0.25 }
     }
 }
 
@@ -101,11 +101,11 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     c.positive("mesh.tolerance", m.tolerance, 0.5, "shares of the shortest edge around a node");
     c.range("mesh.min_quality", m.min_quality, 0.0..=0.9, "a scaled Jacobian");
     c.count("mesh.max_increments", m.max_increments, 1..=10_000, "sub-increments");
-    if let Some(r) = &m.regrid {
-        let why = "a scaled Jacobian above mesh.min_quality";
-        c.above("mesh.regrid.quality_threshold", r.quality_threshold, m.min_quality..=0.9, why);
-        c.positive("mesh.regrid.step", r.step, 1.0, "a share of the shortest edge around a node");
+    if let Some(threshold) = m.regrid.quality_threshold.filter(|t| *t != 0.0) {
+        let why = "a scaled Jacobian above mesh.min_quality, or 0 for no new grids";
+        c.above("mesh.regrid.quality_threshold", threshold, m.min_quality..=0.9, why);
     }
+    c.positive("mesh.regrid.step", m.regrid.step, 1.0, "a share of the shortest edge around a node");
     if m.outer_boundary == OuterBoundary::Sliding
         && !matches!(m.mover, MoverKind::Elastic | MoverKind::PlainElastic)
     {

@@ -45,6 +45,10 @@ pub(super) fn may_change(key: &str, first: usize, point: Option<&Point>, scene: 
     if ["name", "title", "output", "ranks"].contains(&section) {
         return true;
     }
+    // The remedy where a grid wears out during a stage.
+    if key == "mesh.regrid" || key.starts_with("mesh.regrid.") {
+        return true;
+    }
     let Some(rest) = key.strip_prefix("stage[") else { return false };
     let Some((number, rest)) = rest.split_once(']') else { return false };
     let Ok(stage) = number.parse::<usize>() else { return false };
@@ -73,5 +77,19 @@ mod tests {
         let new = json!({"name": "a", "fabric": {"e": 2.0}, "stage": [{"w": 1}, {"w": 3}, {"w": 4}], "more": [1, 2]});
         assert_eq!(changes(&old, &new), ["fabric.e", "more", "stage[1].w", "stage[2]"]);
         assert!(changes(&old, &old).is_empty());
+    }
+
+    #[test]
+    fn regridding_may_change_and_other_keys_of_the_mesh_may_not() {
+        let text = include_str!("../../../../cases/square-drop/scene.toml");
+        let scene = case::parse(std::path::Path::new("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
+        for (key, expected) in [
+            ("mesh.regrid", true),
+            ("mesh.regrid.step", true),
+            ("mesh.min_quality", false),
+            ("mesh.regridded", false),
+        ] {
+            assert_eq!(may_change(key, 0, None, &scene), expected, "{key}");
+        }
     }
 }

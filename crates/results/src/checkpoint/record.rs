@@ -91,8 +91,8 @@ impl Record {
         }
         Err(RunError::Input(format!(
             "the scene has changed since the start of the run: {}. The saved state is not valid for the changed scene. Undo \
-             the changes, or run without --resume. (The duration of the last stage, further stages, [output] and [ranks] \
-             may change)",
+             the changes, or run without --resume. (The duration of the last stage, further stages, [output], [ranks] and \
+             [mesh.regrid] may change)",
             wrong.join(", ")
         )))
     }
