@@ -29,8 +29,8 @@ pub struct Regridder {
     next: Option<f64>,
 }
 
-/// Threshold of a scene without one: this share of the quality of the grid when it was built. Where a grid has worn to a
-/// fourth, a window takes ten times longer than after a new one (docs/records/atps-descent.md).
+/// Threshold of a scene without one: this share of the quality of the grid when it was built. In a grid that had worn to
+/// a fourth a window took ten times longer than after a new one (decision 66).
 const AUTOMATIC_SHARE: f64 = 0.5;
 
 /// Intermediate grids between old and new that are checked before a transition.

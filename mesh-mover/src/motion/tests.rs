@@ -110,14 +110,20 @@ fn positions_are_the_sum_of_reference_displacement_and_offset() {
     assert!(max_difference < 1e-15, "{max_difference}");
 }
 
-#[test]
-fn retry_after_a_useless_new_grid_is_at_four_fifths_of_the_quality() {
+/// A builder that finds no grid, and the number of its calls.
+fn useless_builder() -> (Builder, std::rc::Rc<std::cell::Cell<u32>>) {
     let tried = std::rc::Rc::new(std::cell::Cell::new(0));
     let count = tried.clone();
     let build: Builder = Box::new(move |_| {
         count.set(count.get() + 1);
         Err("none".into())
     });
+    (build, tried)
+}
+
+#[test]
+fn retry_after_a_useless_new_grid_is_at_four_fifths_of_the_quality() {
+    let (build, tried) = useless_builder();
     let MotionTrial { at, motion, .. } = trial();
     let mut motion = motion
         .with_regrid(Some(Regridder::new(Regrid { quality_threshold: Some(0.6), step: 1.0 }, build)), None);
@@ -132,12 +138,7 @@ fn retry_after_a_useless_new_grid_is_at_four_fifths_of_the_quality() {
 /// Without a threshold in the scene: below half of the quality at the start of the grid, here 1.
 #[test]
 fn automatic_threshold_is_half_of_the_quality_at_the_start() {
-    let tried = std::rc::Rc::new(std::cell::Cell::new(0));
-    let count = tried.clone();
-    let build: Builder = Box::new(move |_| {
-        count.set(count.get() + 1);
-        Err("none".into())
-    });
+    let (build, tried) = useless_builder();
     let MotionTrial { at, motion, .. } = trial();
     let start = motion.start_quality;
     let mut motion = motion.with_regrid(Some(Regridder::new(Regrid::default(), build)), None);
