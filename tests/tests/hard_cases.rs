@@ -116,6 +116,29 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len() as f64
 }
 
+/// The lines snap within the first twenty windows, in which the coupling creates more than the limit: the next ones are half as long, until the fabric is calm.
+/// Without a limit all have their length.
+#[test]
+fn windows_become_shorter_where_the_coupling_creates_energy() {
+    for limited in [true, false] {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("out");
+        let limit = format!("coupling.adaptive.energy_limit={}", if limited { 0.05 } else { 0.0 });
+        let options = ["--quiet", "--set", "stage.descent.duration_s=0.2", "--set", &limit];
+        succeed(ripstop_run(&scene("hard/snapping-lines"), &out, &options));
+        let history = History::read(&out, "descent");
+        let lengths = history.column("window_s");
+        let share = history.column("interface_energy_error_share")[19];
+        if limited {
+            assert!(share > 0.05, "{share}");
+            assert!(lengths[..20].iter().all(|dt| *dt == 5e-3), "{lengths:?}");
+            assert!(lengths.len() > 40 && lengths[20..].iter().all(|dt| *dt == 2.5e-3), "{lengths:?}");
+        } else {
+            assert!(lengths.len() == 40 && lengths.iter().all(|dt| *dt == 5e-3), "{lengths:?}");
+        }
+    }
+}
+
 #[test]
 fn staggered_scheme_diverges_on_the_canopy_with_an_error() {
     staggered_fails("gust", "descent");

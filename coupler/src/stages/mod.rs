@@ -17,6 +17,7 @@ use coupling::balance::SystemBalance;
 use coupling::convergence::AcceptanceCheck;
 use coupling::descent::DescentModel;
 use coupling::energy::EnergyWarningContext;
+use coupling::energy_limit::EnergyLimit;
 use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
@@ -246,6 +247,14 @@ impl StageContext<'_> {
             return None;
         }
         Some(&coupling.adaptive)
+    }
+
+    /// Limit of the window length by the energy that the coupling creates. Windows of a staggered scheme are no remedy for
+    /// the energy that it creates.
+    fn energy_limit(&self, adaptive: Option<&case::AdaptiveWindow>) -> EnergyLimit {
+        let iterates = self.scene.coupling.scheme == Scheme::Implicit;
+        let adaptive = adaptive.filter(|_| iterates && self.description().kind == StageKind::Coupled);
+        adaptive.map_or_else(EnergyLimit::none, |a| EnergyLimit::new(a.energy_limit, a.halvings))
     }
 
     /// The location of this stage, for errors.

@@ -8,6 +8,7 @@ use case::{Canopy, Role, Solve, StageKind, WatchedForce};
 use channel::{Window, flow_stats};
 use coupling::descent::DescentModel;
 use coupling::energy::InterfaceEnergyBalance;
+use coupling::energy_limit::EnergyLimit;
 use coupling::error::{Location, RunError};
 use coupling::flow_bounds::{self, FlowBounds};
 use coupling::leakage;
@@ -92,6 +93,7 @@ pub(super) struct StageRun<'c, 'p> {
     interface_energy: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
     clock: WindowClock,
+    energy_limit: EnergyLimit,
     progress: Progress,
     saves: Saves,
     /// Planned windows to run.
@@ -133,9 +135,12 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let folder = case::stage_folder(context.out, context.scene, context.stage);
         let records =
             Records::open(&folder, stage.kind, &context.interface.points(context.scene), resumed.is_some())?;
-        let clock = match resumed {
+        let (clock, energy_limit) = match resumed {
             Some(saved) => unpack(&saved.clock)?,
-            None => WindowClock::new(stage.window_s, context.adaptive(partners)),
+            None => {
+                let adaptive = context.adaptive(partners);
+                (WindowClock::new(stage.window_s, adaptive), context.energy_limit(adaptive))
+            }
         };
         let all = context.windows();
         let windows = context.options.stop_after_windows.map_or(all, |n| n.min(all));
@@ -154,6 +159,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             progress: Progress::new(context.console, &stage.name, stage.kind, clock.planned(), windows)
                 .with_drag_of(context.scene.watched_force(stage.kind).name()),
             clock,
+            energy_limit,
             saves: Saves::default(),
             windows,
             index: first,
@@ -201,6 +207,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let AcceptedWindow { window, before, report } = accepted;
         let row = self.row(&window, report);
         self.warn(&row);
+        self.limit_length(&row);
         self.records.push(&row, &self.stepper.state().displacement)?;
         self.check_flow(&row, window, &before)?;
         if let Some(text) = self.leakage_warning(&row) {
@@ -305,6 +312,27 @@ impl<'c, 'p> StageRun<'c, 'p> {
             brief(error),
             if count == MAX_REPORTED { "; further rejections of this stage are only counted" } else { "" }
         ));
+    }
+
+    /// Adapts the length of later windows to the energy that the coupling creates.
+    fn limit_length(&mut self, row: &Row) {
+        let passage_s = self.context.warning_context(self.stepper.state(), row.window_s).passage_s;
+        let judged = self.interface_energy.is_judged(passage_s);
+        let (created, work) = (row.energy_error_j, row.interface_work_j);
+        let Some(change) = self.energy_limit.add_window(row.window_s, created, work, judged) else { return };
+        self.clock.limit(self.energy_limit.halvings());
+        self.summary.length_changes += 1;
+        let count = self.summary.length_changes;
+        if count <= MAX_REPORTED {
+            self.context.console.line(&format!(
+                "window {} of stage `{}` (t = {:.4} s): {change}; windows are now at most {:.3e} s long{}",
+                self.index,
+                self.context.description().name,
+                row.time_s,
+                self.clock.limit_s(),
+                if count == MAX_REPORTED { "; further changes of this stage are only counted" } else { "" }
+            ));
+        }
     }
 
     /// The error of a window that ends the stage. Saves the last accepted window if all programs can restore it.
@@ -540,7 +568,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             windows: self.done,
             time_s,
             stepper: self.stepper.save_state(),
-            clock: pack(&self.clock),
+            clock: pack(&(&self.clock, &self.energy_limit)),
             interface_energy: self.interface_energy,
             flow_bounds: self.flow_bounds,
             summary: so_far,

@@ -226,7 +226,7 @@ pub const CHECKS: &[Check] = &[
         what: "the coupling creates no energy",
         estimate: "sum over windows of 1/2 (f_j + f_j-1) . dd_j - f_flow . dx_flow, over the work of the air on the canopy",
         range: "warning where the coupling has added more than 5 % of the work after 20 windows and a fifth of the time in \
-                which the air passes the canopy",
+                which the air passes the canopy; before that windows become shorter, see coupling.adaptive.energy_limit",
         source: "an exact coupling adds none; a staggered scheme adds some of first or second order in the window",
         severity: Warning,
         remedy: "set coupling.scheme = \"implicit\"; where windows do not converge raise coupling.max_iterations; shorten \

@@ -59,11 +59,15 @@ impl InterfaceEnergyBalance {
         if self.work_j > 0.0 { self.added_j / self.work_j } else { 0.0 }
     }
 
+    /// Whether the initial transient is over, where the air passes the canopy in `passage_s` seconds.
+    pub fn is_judged(&self, passage_s: f64) -> bool {
+        let passing = passage_s.is_finite() && self.time_s < TRANSIENT * passage_s;
+        self.windows >= MIN_WINDOWS && !passing
+    }
+
     /// A warning, once, in the first window in which the created energy exceeds [`CREATED`].
     pub fn warning(&mut self, about: &EnergyWarningContext) -> Option<String> {
-        let passing = about.passage_s.is_finite() && self.time_s < TRANSIENT * about.passage_s;
-        let early = self.windows < MIN_WINDOWS || passing;
-        if self.reported || early || self.share() <= CREATED {
+        if self.reported || !self.is_judged(about.passage_s) || self.share() <= CREATED {
             return None;
         }
         self.reported = true;

@@ -12,6 +12,7 @@ pub mod convergence;
 pub mod descent;
 pub mod descent_limits;
 pub mod energy;
+pub mod energy_limit;
 pub mod error;
 mod floors;
 pub mod flow_bounds;

@@ -17,7 +17,7 @@ const MAX_GROWTH_DELAY: u32 = 64;
 /// use case::AdaptiveWindow;
 /// use coupling::window_clock::WindowClock;
 ///
-/// let adaptive = AdaptiveWindow { enabled: true, halvings: 3, grow_after: 2 };
+/// let adaptive = AdaptiveWindow { halvings: 3, grow_after: 2, ..AdaptiveWindow::default() };
 /// let mut clock = WindowClock::new(5e-3, Some(&adaptive));
 /// // A rejected window is repeated with half its length; two converged ones complete the planned window.
 /// assert!(clock.shrink());
@@ -36,6 +36,8 @@ pub struct WindowClock {
     ticks: u64,
     /// Halvings of the next window.
     halvings: u32,
+    /// Halvings of the longest window allowed.
+    least_halvings: u32,
     /// Converged windows since the last change of length.
     converged_windows: u32,
     /// Converged windows required before the length is doubled.
@@ -55,6 +57,7 @@ impl WindowClock {
             grow_after,
             ticks: 0,
             halvings: 0,
+            least_halvings: 0,
             converged_windows: 0,
             growth_delay: grow_after,
             grown: false,
@@ -81,6 +84,11 @@ impl WindowClock {
     /// Length of the next window, s.
     pub fn dt(&self) -> f64 {
         self.seconds(self.length())
+    }
+
+    /// Length of the longest window allowed, s.
+    pub fn limit_s(&self) -> f64 {
+        self.seconds(self.planned_ticks() >> self.least_halvings)
     }
 
     /// Number of completed planned windows.
@@ -116,12 +124,21 @@ impl WindowClock {
         true
     }
 
+    /// Allows windows of at most the planned length halved `halvings` times, from the next one on.
+    pub fn limit(&mut self, halvings: u32) {
+        self.least_halvings = halvings.min(self.most_halvings);
+        if self.halvings < self.least_halvings {
+            self.halvings = self.least_halvings;
+            (self.grown, self.converged_windows) = (false, 0);
+        }
+    }
+
     /// Completes the window; `converged`: it converged.
     pub fn advance(&mut self, converged: bool) {
         self.ticks += self.length();
         self.converged_windows = if converged { self.converged_windows + 1 } else { 0 };
         self.grown = false;
-        if self.halvings > 0
+        if self.halvings > self.least_halvings
             && self.converged_windows >= self.growth_delay
             && self.ticks.is_multiple_of(2 * self.length())
         {
@@ -136,7 +153,10 @@ mod tests {
     use super::*;
 
     fn clock(window_s: f64) -> WindowClock {
-        WindowClock::new(window_s, Some(&AdaptiveWindow { enabled: true, halvings: 3, grow_after: 2 }))
+        WindowClock::new(
+            window_s,
+            Some(&AdaptiveWindow { halvings: 3, grow_after: 2, ..AdaptiveWindow::default() }),
+        )
     }
 
     #[test]
@@ -167,6 +187,29 @@ mod tests {
         // Two short ones, then twice the length until a planned one can start.
         assert_eq!(lengths, [2, 2, 4, 4, 4]);
         assert!(!c.is_short() && c.at_planned() && c.time() == 3.0 * 0.8);
+    }
+
+    #[test]
+    fn limit_holds_for_growth_and_not_for_rejections() {
+        let mut c = clock(0.8);
+        c.advance(true);
+        c.limit(1);
+        assert_eq!(c.dt(), 0.4);
+        assert!(c.shrink());
+        let mut lengths = Vec::new();
+        while c.planned() < 4 {
+            lengths.push((c.dt() * 10.0).round() as u32);
+            c.advance(true);
+        }
+        assert_eq!(lengths, [2, 2, 4, 4, 4, 4, 4]);
+        c.limit(0);
+        c.advance(true);
+        c.advance(true);
+        assert!(!c.is_short() && c.at_planned());
+        // More halvings than the scene allows.
+        c.limit(7);
+        assert_eq!(c.dt(), 0.1);
+        assert!(!c.can_shrink());
     }
 
     #[test]

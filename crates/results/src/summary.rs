@@ -92,6 +92,9 @@ pub struct StageSummary {
     pub convergence: Convergence,
     /// Rejected windows, which were retried with half their length.
     pub rejected: u64,
+    /// Changes of the longest window allowed, because the coupling created energy or did so no longer.
+    #[serde(default)]
+    pub length_changes: u64,
     /// Shortest window, s.
     pub shortest_window_s: f64,
     /// Descent speed at the end, m/s.
@@ -199,6 +202,7 @@ impl StageSummary {
             not_converged: 0,
             convergence: Convergence::default(),
             rejected: 0,
+            length_changes: 0,
             shortest_window_s: stage.window_s,
             descent_speed_m_s: 0.0,
             mean_descent_speed_m_s: 0.0,
@@ -360,15 +364,27 @@ impl StageSummary {
         )
     }
 
+    /// Windows that were rejected or shortened, in words.
+    fn adapted(&self) -> String {
+        let mut text = String::new();
+        if self.rejected > 0 {
+            text += &format!("; {} rejected", counted(self.rejected, "window"));
+        }
+        if self.length_changes > 0 {
+            let changes = counted(self.length_changes, "change");
+            text += &format!("; {changes} of the window length by the energy that the coupling creates");
+        }
+        if !text.is_empty() {
+            text += &format!(", shortest {:.2e} s", self.shortest_window_s);
+        }
+        text
+    }
+
     /// Results in words: loads, areas, speeds, and the reason of the end.
     fn outcome(&self) -> String {
         let s = self;
         let created = coupling::structure_energy::note(s.structure_energy_created_share);
-        let rejected = if s.rejected > 0 {
-            format!("; {} rejected, shortest {:.2e} s", counted(s.rejected, "window"), s.shortest_window_s)
-        } else {
-            String::new()
-        };
+        let rejected = self.adapted();
         match s.kind {
             StageKind::PreInflation => format!(
                 "  {}: load {:.1} N, projected area {:.2} m2{created}; {}",

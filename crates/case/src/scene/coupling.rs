@@ -185,7 +185,10 @@ pub const MOST_PREDICTOR: u32 = 2;
 /// All programs restore the state at the start of a rejected window and retry with half the window; after
 /// `grow_after` accepted windows the window is doubled, up to `window_s`. Costs nothing where every window is
 /// accepted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+///
+/// Windows also become shorter where the coupling creates energy: half as long where it exceeds `energy_limit`, and
+/// longer again, by trial, where it is below a quarter of that.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AdaptiveWindow {
     /// Whether windows adapt; otherwise a rejected window ends the run.
@@ -196,11 +199,14 @@ pub struct AdaptiveWindow {
     /// Accepted windows before the next one is twice as long.
     #[schemars(range(min = 1))]
     pub grow_after: u32,
+    /// Energy that an implicit coupling may create, relative to the work of the air on the canopy over the last 20
+    /// windows (or its mean over the stage, where that is larger), before windows are halved; 0: no limit.
+    pub energy_limit: f64,
 }
 
 impl Default for AdaptiveWindow {
     fn default() -> Self {
-        Self { enabled: true, halvings: 5, grow_after: 4 }
+        Self { enabled: true, halvings: 5, grow_after: 4, energy_limit: 0.05 }
     }
 }
 
@@ -218,6 +224,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     c.count("coupling.adaptive.halvings", k.adaptive.halvings, 0..=20, "halvings of window_s");
     c.count("coupling.adaptive.grow_after", k.adaptive.grow_after, 1..=10_000, "accepted windows");
+    c.range("coupling.adaptive.energy_limit", k.adaptive.energy_limit, 0.0..=1.0, "0 is no limit");
     if let Some(share) = k.velocity_average {
         c.range("coupling.velocity_average", share, 0.0..=1.0, "0 is none");
     }

@@ -13,7 +13,7 @@ use crate::wake::Sample;
 
 const FILE: &str = "progress.bin";
 const KIND: [u8; 8] = *b"ripprogr";
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Progress of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -24,7 +24,7 @@ pub struct Progress {
     pub time_s: f64,
     /// State of the coupling scheme, its acceleration and the interface, encoded.
     pub stepper: Vec<u8>,
-    /// Time and next window length, encoded.
+    /// Time, next window length and its limit, encoded.
     pub clock: Vec<u8>,
     /// Interface energy balance.
     pub interface_energy: InterfaceEnergyBalance,

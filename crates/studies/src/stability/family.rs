@@ -122,6 +122,8 @@ fn sample(base: &Table, scene: &Scene, exact: &Exact, point: Point, out: &Path) 
     let mut table = base.clone();
     let density = exact.added / (point.mass_ratio * scene.fabric.thickness_m);
     set_value(&mut table, &["fabric"], "density_kg_m3", Value::Float(density))?;
+    // The window is an axis of the map.
+    set_value(&mut table, &["coupling", "adaptive"], "energy_limit", Value::Float(0.0))?;
     point.scheme.apply(&mut table)?;
     let mut changed = scene.clone();
     changed.fabric.density_kg_m3 = density;

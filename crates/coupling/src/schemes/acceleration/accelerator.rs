@@ -4,6 +4,7 @@ use case::Coupling;
 
 use super::relaxation::Relaxation;
 use crate::error::RunError;
+use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// Turns an iterate and its response into the next iterate.
@@ -54,6 +55,11 @@ pub trait Accelerator {
     /// See [`super::relaxation::Relaxation::reshape`].
     fn reshape(&mut self, lattice: &VortexLattice) {
         let _ = lattice;
+    }
+
+    /// See [`super::relaxation::Relaxation::turn`].
+    fn turn(&mut self, orientation: &Orientation) {
+        let _ = orientation;
     }
 }
 

@@ -7,6 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
 use crate::schemes::surrogate::inverse::{Inverse, factors};
+use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::panel_groups::PanelGroups;
 use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
 use crate::schemes::unknowns::Unknowns;
@@ -69,6 +70,11 @@ pub struct AddedMassRelaxation {
     inverse: Inverse,
     /// Step per residual for waves shorter than the faces resolve.
     short_wave_factor: f64,
+    /// Normals of the groups n, $`\rho A^{-T} a`$ of their area vectors a, and $`(I+G)^{-1} G n`$: `[groups][3]` in the
+    /// axes of the lattice.
+    group_normals: DMatrix<f64>,
+    group_forces: DMatrix<f64>,
+    relaxed_normals: DMatrix<f64>,
     /// b, q = (I+G)^-1 G n_z, and the coefficient of V once x is eliminated.
     force: DVector<f64>,
     relaxed_vertical: DVector<f64>,
@@ -89,56 +95,67 @@ impl AddedMassRelaxation {
             return None;
         }
         let VortexLattice { positions, areas, normals, groups, influence, .. } = lattice;
-        let face_normals = normals.clone();
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
         let gain = 2.25 * masses.response * masses.air.density / masses.fabric_kg_m2;
         let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
-        let mut node_normals = vec![Vec3::zeros(); positions.len()];
         let mut node_faces = vec![0.0; positions.len()];
-        for (face, area) in faces.iter().zip(areas) {
-            for &node in distinct(face) {
-                node_faces[node as usize] += 1.0;
-                node_normals[node as usize] += area;
-            }
-        }
-        for normal in &mut node_normals {
-            *normal = direction(normal);
-        }
-        // Vertical force of the air per acceleration of the faces along their normals.
-        let mut upwards = Mat::<f64>::zeros(n, 1);
+        faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
+        // Force of the air per acceleration of the faces along their normals, in each axis.
+        let mut outwards = Mat::<f64>::zeros(n, 3);
         for (area, &g) in areas.iter().zip(&groups.of) {
-            upwards[(g as usize, 0)] += masses.air.density * area[2];
+            (0..3).for_each(|i| outwards[(g as usize, i)] += masses.air.density * area[i]);
         }
-        let vertical: Vec<f64> = face_normals.iter().map(|normal| normal[2]).collect();
-        let vertical = DVector::from_vec(groups.means(&vertical));
-        let force = factors(influence).solve_transpose(upwards);
-        let force = DVector::from_fn(n, |i, _| force[(i, 0)]);
-        let vertical_added_mass = force.dot(&vertical);
-        let relaxed_vertical = &vertical - apply_inverse(gain, &inverse, &vertical);
-        let force = if masses.falling_kg > 0.0 { force / masses.falling_kg } else { DVector::zeros(n) };
-        let velocity = 1.0 + 1.5 * force.dot(&vertical) - 1.5 * force.dot(&relaxed_vertical);
+        let forces = factors(influence).solve_transpose(outwards);
+        let means = |i: usize| groups.means(&normals.iter().map(|normal| normal[i]).collect::<Vec<_>>());
+        let group_normals = DMatrix::from_columns(&[0, 1, 2].map(|i| DVector::from_vec(means(i))));
+        let relaxed = |i: usize| {
+            let normals = group_normals.column(i).into_owned();
+            &normals - apply_inverse(gain, &inverse, &normals)
+        };
         // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
         let edge = (sizes.iter().sum::<f64>() / faces.len() as f64).sqrt();
         let zigzag = 0.5 * std::f64::consts::PI / edge;
         let short_wave_factor = zigzag / (zigzag + gain);
-        let usable = vertical_added_mass.is_finite() && velocity > 0.1;
-        usable.then_some(Self {
+        let mut model = Self {
             unknowns,
             masses: *masses,
             faces: faces.to_vec(),
-            face_normals,
-            node_normals,
+            face_normals: Vec::new(),
+            node_normals: vec![Vec3::zeros(); positions.len()],
             node_faces,
             groups: groups.clone(),
             gain,
-            inverse,
             short_wave_factor,
-            force,
-            relaxed_vertical,
-            velocity,
-            vertical_added_mass,
-        })
+            relaxed_normals: DMatrix::from_columns(&[0, 1, 2].map(relaxed)),
+            group_normals,
+            group_forces: DMatrix::from_fn(n, 3, |i, j| forces[(i, j)]),
+            inverse,
+            force: DVector::zeros(n),
+            relaxed_vertical: DVector::zeros(n),
+            velocity: 1.0,
+            vertical_added_mass: 0.0,
+        };
+        model.orient(&Vec3::z(), areas, normals);
+        let usable = model.vertical_added_mass.is_finite() && model.velocity > 0.1;
+        usable.then_some(model)
+    }
+
+    /// Sets normals and vertical terms: `up` in the axes of the lattice, areas and normals of the faces.
+    fn orient(&mut self, up: &Vec3, areas: &[Vec3], normals: &[Vec3]) {
+        self.face_normals = normals.to_vec();
+        self.node_normals.fill(Vec3::zeros());
+        for (face, area) in self.faces.iter().zip(areas) {
+            distinct(face).iter().for_each(|&node| self.node_normals[node as usize] += area);
+        }
+        self.node_normals.iter_mut().for_each(|normal| *normal = direction(normal));
+        let vertical = &self.group_normals * up;
+        let force = &self.group_forces * up;
+        self.relaxed_vertical = &self.relaxed_normals * up;
+        self.vertical_added_mass = force.dot(&vertical);
+        let falling_kg = self.masses.falling_kg;
+        self.force = if falling_kg > 0.0 { force / falling_kg } else { DVector::zeros(vertical.len()) };
+        self.velocity = 1.0 + 1.5 * self.force.dot(&vertical) - 1.5 * self.force.dot(&self.relaxed_vertical);
     }
 }
 
@@ -163,6 +180,12 @@ impl Relaxation for AddedMassRelaxation {
         if let Some(new) = Self::new(self.unknowns, &self.faces, &self.masses, lattice) {
             *self = new;
         }
+    }
+
+    fn turn(&mut self, orientation: &Orientation) {
+        // R^T z.
+        let up = orientation.rotation.row(2).transpose();
+        self.orient(&up, &orientation.areas, &orientation.normals);
     }
 
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
@@ -216,6 +239,8 @@ fn apply_inverse(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64>
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Rotation3;
+
     use super::*;
     use crate::schemes::test_support::plate;
 
@@ -289,5 +314,35 @@ mod tests {
         assert!((found - dv).abs() < 1e-6, "{found}");
         assert!((normal_steps - dx).norm() < 1e-5);
         assert_eq!(positions.len(), 169);
+    }
+
+    /// After a rotation of the whole canopy the step is that of a model which was assembled for the rotated canopy.
+    #[test]
+    fn turned_model_equals_one_of_the_turned_canopy() {
+        let (mut positions, faces) = plate(8);
+        positions.iter_mut().for_each(|x| x[2] = 0.3 * (x[0] - 0.4).powi(2) + 0.5 * x[0] * x[1]);
+        let rotation = Rotation3::from_euler_angles(0.4, -0.9, 0.2).into_inner();
+        let turned: Vec<mesh::Point> = positions.iter().map(|x| (rotation * Vec3::from(*x)).into()).collect();
+        let lattices = [&positions, &turned].map(|x| VortexLattice::new(x, &faces, 32, 0.0).unwrap());
+        let unknowns = Unknowns::new(positions.len(), 5e-3, true);
+        let [mut model, fresh] =
+            lattices.each_ref().map(|l| AddedMassRelaxation::new(unknowns, &faces, &masses(), l).unwrap());
+        let VortexLattice { areas, normals, .. } = &lattices[1];
+        model.turn(&Orientation { rotation, areas: areas.clone(), normals: normals.clone() });
+        let residual: Vec<f64> = (0..=3 * positions.len()).map(|i| (0.3 * i as f64).cos() + 0.2).collect();
+        let mut steps = [vec![0.0; residual.len()], vec![0.0; residual.len()]];
+        model.apply(&residual, &mut steps[0]);
+        fresh.apply(&residual, &mut steps[1]);
+        let largest = |x: &[f64]| x.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+        let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
+        assert!(largest(&difference) < 1e-5 * largest(&steps[1]), "{}", largest(&difference));
+        let masses = model.vertical_added_mass / fresh.vertical_added_mass - 1.0;
+        assert!(masses.abs() < 1e-9, "{masses}");
+        // The rotation matters here.
+        let still =
+            AddedMassRelaxation::new(unknowns, &faces, &super::tests::masses(), &lattices[0]).unwrap();
+        still.apply(&residual, &mut steps[0]);
+        let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
+        assert!(largest(&difference) > 0.1 * largest(&steps[1]), "{}", largest(&difference));
     }
 }

@@ -24,6 +24,7 @@ use super::relaxation::Relaxation;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
 use crate::schemes::least_squares::norm;
+use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// The quasi-Newton accelerator.
@@ -82,6 +83,10 @@ impl<J: Jacobian> QuasiNewton<J> {
 impl<J: Jacobian> Accelerator for QuasiNewton<J> {
     fn reshape(&mut self, lattice: &VortexLattice) {
         self.rest.reshape(lattice);
+    }
+
+    fn turn(&mut self, orientation: &Orientation) {
+        self.rest.turn(orientation);
     }
 
     fn begin_window(&mut self) {

@@ -1,5 +1,6 @@
 //! Relaxation of the part of a residual that no column spans.
 
+use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::vortex_lattice::VortexLattice;
 
 /// Maps a residual to a stable step.
@@ -10,6 +11,11 @@ pub trait Relaxation {
     /// The canopy has another shape, or windows have another length, than before.
     fn reshape(&mut self, lattice: &VortexLattice) {
         let _ = lattice;
+    }
+
+    /// The canopy has rotated as a whole.
+    fn turn(&mut self, orientation: &Orientation) {
+        let _ = orientation;
     }
 }
 

@@ -74,7 +74,7 @@ impl CouplingScheme for AddedMassStaggered {
         if self.defects.is_empty() {
             self.measure_first_defect(state, solvers)?;
         }
-        if let Some(defects) = self.inner.update_lattice(state.window.dt) {
+        if let Some(defects) = self.inner.update_surrogate(state.window.dt) {
             let mut history = TimeHistory::default();
             defects.iter().for_each(|(defect, dt)| history.push(defect, *dt));
             self.defects = history;

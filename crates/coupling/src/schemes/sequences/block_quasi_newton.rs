@@ -76,7 +76,7 @@ impl CouplingScheme for BlockQuasiNewton {
     fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
         let dt = state.window.dt;
         self.last = None;
-        if let Some(defects) = self.inner.update_lattice(dt) {
+        if let Some(defects) = self.inner.update_surrogate(dt) {
             self.defects = Predictor::new(MAX_ORDER);
             defects.iter().for_each(|(defect, dt)| self.defects.accept(defect, *dt));
         }

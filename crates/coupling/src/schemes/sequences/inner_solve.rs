@@ -14,7 +14,7 @@ use super::gauss_seidel::AppliedLoad;
 use crate::error::RunError;
 use crate::schemes::acceleration::accelerator::Accelerator;
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::surrogate::added_mass_surrogate::AddedMassSurrogate;
+use crate::schemes::surrogate::added_mass_surrogate::{AddedMassSurrogate, SurrogateUpdate};
 use crate::schemes::unknowns::Unknowns;
 use crate::schemes::window::scheme::Surrogate;
 use crate::schemes::window::solvers::Solvers;
@@ -166,17 +166,25 @@ impl InnerSolve {
         }
     }
 
-    /// Updates the surrogate for the present canopy before a window of length `dt`. Where its lattice is reassembled:
-    /// its defects in past windows, oldest first, with their lengths.
-    pub fn update_lattice(&mut self, dt: f64) -> Option<Vec<(Vec<f64>, f64)>> {
-        let lattice = self.model.update_lattice(dt)?;
-        self.accelerator.reshape(&lattice);
+    /// Updates the surrogate for the present canopy before a window of length `dt`. Where that changes it: its defects
+    /// in past windows, oldest first, with their lengths.
+    pub fn update_surrogate(&mut self, dt: f64) -> Option<Vec<(Vec<f64>, f64)>> {
+        let update = self.model.update(dt)?;
+        self.follow(&update);
         let mut added_mass_load = vec![0.0; self.response.len()];
         let defects = self.ends.iter().rev().map(|end| {
             self.model.added_mass_load_of(&end.acceleration, &mut added_mass_load);
             (end.response.iter().zip(&added_mass_load).map(|(response, i)| response - i).collect(), end.dt)
         });
         Some(defects.collect())
+    }
+
+    /// The acceleration follows an update of the surrogate.
+    fn follow(&mut self, update: &SurrogateUpdate) {
+        match update {
+            SurrogateUpdate::Reassembled(lattice) => self.accelerator.reshape(lattice),
+            SurrogateUpdate::Turned(orientation) => self.accelerator.turn(orientation),
+        }
     }
 
     /// A window of length `dt` ended with the grid at the unknowns `x` and this defect.
@@ -205,9 +213,7 @@ impl InnerSolve {
     /// A state of another one.
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
         let (model, ends, accelerator): (Vec<u8>, _, Vec<u8>) = unpack(saved)?;
-        if let Some(lattice) = self.model.restore_state(&model)? {
-            self.accelerator.reshape(&lattice);
-        }
+        self.model.restore_state(&model)?.iter().for_each(|update| self.follow(update));
         self.ends = ends;
         self.accelerator.restore_state(&accelerator)
     }

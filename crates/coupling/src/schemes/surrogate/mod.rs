@@ -3,5 +3,6 @@
 pub mod added_mass_surrogate;
 mod definite;
 pub mod inverse;
+pub mod orientation;
 pub mod panel_groups;
 pub mod vortex_lattice;
