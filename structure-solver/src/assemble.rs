@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use case::{Integration, Law, Membrane, Scene, Solve};
+use case::{Integration, Law, Membrane, Scene, Solve, Stage};
 use comm::Comm;
 use mesh::{CableKind, MeshError, StructureMesh};
 
@@ -30,11 +30,16 @@ fn surface(scene: &Scene) -> Surface {
     }
 }
 
+/// Retardation time of a material in a stage, s; a static shape has no rates.
+fn damping(stage: &Stage, of_material: f64) -> f64 {
+    stage.stiffness_damping_s + if stage.solve == Solve::Static { 0.0 } else { of_material }
+}
+
 type Loops = Vec<Box<dyn ElementLoop>>;
 
-/// The element loops that the scene's effects call for in a stage.
+/// The element loops that the scene's effects call for in a stage. Retardation times of stage and material add up.
 fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError> {
-    let damping = scene.stages[stage].stiffness_damping_s;
+    let damping = damping(&scene.stages[stage], scene.fabric.retardation_time_s);
     let mut all = Loops::new();
     membranes(scene, damping, model, &mut all);
     if let Some(stiffness) = scene.fabric.bending_stiffness_n_m {
@@ -106,7 +111,6 @@ fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all:
 /// Elements of lines, risers and tapes: one loop for each section. A static shape has no hysteresis.
 fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
     let (stage, explicit) = (&scene.stages[stage], scene.structure.integration == Integration::Explicit);
-    let damping = stage.stiffness_damping_s;
     let friction = |share: Option<f64>| {
         hysteresis::friction(share.filter(|_| stage.solve != Solve::Static).unwrap_or(0.0))
     };
@@ -126,19 +130,21 @@ fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
             CableKind::Riser => !own_risers,
             CableKind::Tape(_) => false,
         };
-        section.push(damping, model, of_lines, all);
+        section.push(damping(stage, l.retardation_time_s), model, of_lines, all);
         if let Some(r) = scene.risers {
             let section = CableSection {
                 friction: friction(r.hysteresis),
                 explicit,
                 ..CableSection::of(l.tension_only, r.axial_stiffness_n, r.mass_kg_m)
             };
+            let damping = damping(stage, r.retardation_time_s);
             section.push(damping, model, |kind| kind == CableKind::Riser, all);
         }
     }
     let Some(tapes) = &scene.tapes else { return };
     for (place, tape) in tapes.places() {
         let section = CableSection::of(tapes.tension_only, tape.axial_stiffness_n, tape.mass_kg_m);
+        let damping = damping(stage, tape.retardation_time_s);
         section.push(damping, model, |kind| kind == CableKind::Tape(place), all);
     }
 }

@@ -395,7 +395,8 @@ impl Dynamics {
                 self.x[i] = self.system.model.reference[i] + from.u[i];
                 y[i] = self.system.model.reference[i] + to.u[i];
             }
-            work += self.system.dissipation(&self.x, y);
+            let taken = self.explicit.as_ref().and_then(Explicit::taken);
+            work += taken.unwrap_or_else(|| self.system.dissipation(&self.x, y));
         }
         if self.system.has_dissipation() {
             for (x, (reference, u)) in self.x.iter_mut().zip(self.system.model.reference.iter().zip(&to.u)) {

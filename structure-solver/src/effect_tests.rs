@@ -472,3 +472,61 @@ fn a_hysteretic_line_returns_its_share_of_the_energy() {
         assert!(balance.abs() < 1e-4, "{integration}: {balance}");
     }
 }
+
+/// Circular frequency of a mass of 1 kg on a stiff line of 1 m and 1 kN, rad/s, for small oscillations about a tension.
+const MODE: f64 = 31.622_776_601_683_793;
+
+/// A mass of 1 kg on a line of 1 m and 1 kN that carries compression, with a retardation time (s).
+fn mass_on_a_retarded_line(integration: &str, time: f64) -> Dynamics {
+    let stage = STAGE.replace("spectral_radius = 1.0", integration);
+    let lines = format!("density_kg_m3 = 1e-9\ntension_only = false\nretardation_time_s = {time}");
+    let mesh = StructureMesh {
+        point_masses: vec![(1, 1.0)],
+        fixed: vec![(0, [true; 3]), (1, [true, true, false])],
+        ..chain(vec![[0.0; 3], [0.0, 0.0, -1.0]], Vec::new())
+    };
+    let mut d = of_mesh(&scene(BAG, &lines, &stage), mesh);
+    if integration == EXPLICIT {
+        d.integrate_explicitly(0.9).unwrap_or_else(|e| panic!("{e}"));
+    }
+    d
+}
+
+/// The oscillation of a mass on a Kelvin-Voigt line: $`e^{-\delta t} (\cos w t + \delta / w \sin w t)`$ with $`\delta = \tau \omega^2 / 2`$, also where it is
+/// overdamped and the explicit step a fraction of that of the elastic line. What damping is said to take is what the mass loses.
+#[test]
+fn a_retarded_line_damps_a_mass_as_in_closed_form() {
+    let implicit = "spectral_radius = 1.0";
+    for (ratio, step, substeps) in [(0.05, 1e-3, 4), (0.5, 1e-3, 4), (20.0, 1e-4, 4)] {
+        let time = 2.0 * ratio / MODE;
+        for integration in [implicit, EXPLICIT] {
+            let mut d = mass_on_a_retarded_line(integration, time);
+            let (start, delta) = (1e-5, ratio * MODE);
+            d.accepted.u[5] = start;
+            d.balance_start(NONE, [0.0; 3]).expect("a mass");
+            let energy = |d: &Dynamics| 0.5 * (d.accepted.v[5].powi(2) + (MODE * d.accepted.u[5]).powi(2));
+            let before = energy(&d);
+            let (mut taken, mut worst) = (0.0, 0.0f64);
+            for k in 1..=200 {
+                taken += d.window(step, substeps, FREE, [0.0; 3], false).expect("a window").damping_work;
+                d.accept();
+                let t = step * f64::from(k);
+                let exact = if ratio < 1.0 {
+                    let w = (MODE * MODE - delta * delta).sqrt();
+                    (-delta * t).exp() * ((w * t).cos() + delta / w * (w * t).sin())
+                } else {
+                    let root = (delta * delta - MODE * MODE).sqrt();
+                    let (slow, fast) = (delta - root, delta + root);
+                    (fast * (-slow * t).exp() - slow * (-fast * t).exp()) / (fast - slow)
+                };
+                worst = worst.max((d.accepted.u[5] / start - exact).abs());
+            }
+            let balance = (energy(&d) + taken) / before - 1.0;
+            println!("{integration}, damping ratio {ratio}: error {worst:.1e}, energy {balance:+.1e}");
+            // The strain of the line is 1e-5: nonlinear terms are of that size. Explicit rates are half a step late.
+            let most = if integration == EXPLICIT { 1.5e-3 } else { 5e-5 };
+            assert!(worst < most, "{integration}, {ratio}: {worst}");
+            assert!(balance.abs() < 3e-5, "{integration}, {ratio}: {balance}");
+        }
+    }
+}

@@ -20,6 +20,10 @@
 //! Strain stiffens: a stretched element has $`K \le (1 + 3E)K_0`$ for the largest principal
 //! Green strain $`E`$, as its gradient grows with $`1 + 2E`$ and its stress adds $`E`$; so the
 //! step is estimated again for each window.
+//!
+//! Stresses by the rate of strains ([`crate::materials::Viscous`]) take the strains of the step before: stable for
+//! $`h^2 \omega^2 + 2 h c < 4`$ with the largest eigenvalue $`c`$ of $`M^{-1}C`$, $`C`$ their tangent by the velocity. For a retardation time $`\tau`$ of
+//! the stiffest part that is $`h < \sqrt{\tau^2 + 4 / \omega^2} - \tau`$.
 
 use comm::Comm;
 use linalg::Operator;
@@ -40,6 +44,8 @@ use crate::system::System;
 const EXPANSION: f64 = 1e-6;
 /// Green strain beyond which the motion has left all sense: no fabric is stretched tenfold.
 const TORN: f64 = 50.0;
+/// Step relative to the retardation time in which the elastic stiffness does not count.
+const SHORT: f64 = 1e-3;
 /// Rounds of the power iteration: it comes within a few percent from below, which
 /// [`Explicit::safety`] covers together with growing strains.
 const ROUNDS: usize = 60;
@@ -69,18 +75,24 @@ pub struct Explicit {
     inverse_mass: Vec<f64>,
     /// Highest circular frequency of the taut structure without strain, rad/s.
     pub frequency: f64,
+    /// Largest eigenvalue of the damping by rates of strains, 1/s.
+    damping_rate: f64,
     /// Share of the largest stable step that is taken.
     pub safety: f64,
     /// Residual forces, N.
     force: Vec<f64>,
     /// Half-step velocities of local components, m/s.
     half: Vec<f64>,
+    /// Positions at the start of a step, m; empty without stresses by rates.
+    before: Vec<f64>,
     /// `force` belongs to the current state and the load there.
     known: bool,
     /// Largest stable step at the last check, s.
     stable: f64,
     /// Vertical impulse of the external forces on the owned nodes in the last substep, N s.
     pub(crate) applied_impulse: f64,
+    /// Energy that stresses by rates took in the last substep on this rank, J.
+    taken: f64,
     /// Evaluations of the forces since the start.
     pub evaluations: u64,
 }
@@ -104,23 +116,39 @@ impl Explicit {
         if !(frequency.is_finite() && frequency > 0.0) {
             return Err(ExplicitError::Frequency(frequency));
         }
+        let damping_rate = damping_rate(system, &inverse_mass);
         let n = 3 * system.model.n_local();
         Ok(Self {
             inverse_mass,
             frequency,
+            damping_rate,
             safety,
             force: vec![0.0; n],
             half: vec![0.0; n],
+            before: vec![0.0; if damping_rate > 0.0 { n } else { 0 }],
             known: false,
             stable: 0.0,
             applied_impulse: 0.0,
+            taken: 0.0,
             evaluations: 0,
         })
     }
 
     /// Largest stable step of the structure without strain, s.
     pub fn stable_step(&self) -> f64 {
-        2.0 / self.frequency
+        self.stable_step_at(0.0)
+    }
+
+    /// As [`Explicit::stable_step`] where the largest principal Green strain is `strain`.
+    fn stable_step_at(&self, strain: f64) -> f64 {
+        let stiffer = 1.0 + 3.0 * strain;
+        let (square, rate) = (stiffer * self.frequency.powi(2), stiffer * self.damping_rate);
+        4.0 / (rate + (rate * rate + 4.0 * square).sqrt())
+    }
+
+    /// Energy that stresses by rates took in the last substep on this rank, J; `None` where it is that of the mean rate.
+    pub(crate) fn taken(&self) -> Option<f64> {
+        (self.damping_rate > 0.0).then_some(self.taken)
     }
 
     /// The forces must be recomputed: the load or the state has changed.
@@ -173,13 +201,31 @@ fn strains(model: &Model, x: &[f64]) -> impl Iterator<Item = (u32, f64)> {
 
 /// Highest circular frequency, rad/s, of the taut structure. Collective.
 fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
+    largest_eigenvalue(system, inverse_mass, f64::INFINITY).sqrt()
+}
+
+/// Largest eigenvalue of the damping by rates of strains, 1/s; 0 where there is none. Collective.
+fn damping_rate(system: &mut System, inverse_mass: &[f64]) -> f64 {
+    let time = system.retardation_time();
+    if time == 0.0 {
+        return 0.0;
+    }
+    // In so short a step the tangent is that of the rates alone.
+    let dt = SHORT * time;
+    dt * largest_eigenvalue(system, inverse_mass, dt)
+}
+
+/// Largest eigenvalue of $`M^{-1}K`$, 1/s2, of the taut structure in a step of `dt` seconds. Collective.
+fn largest_eigenvalue(system: &mut System, inverse_mass: &[f64], dt: f64) -> f64 {
     let n = 3 * system.model.n_local();
     let x: Vec<f64> =
         system.model.reference.iter().map(|x| x * system.model.tautening * (1.0 + EXPANSION)).collect();
     let zero = vec![0.0; system.model.n_faces];
     let load = FaceLoad { pressure: &zero, traction: &[] };
     let mut work = vec![0.0; n];
-    system.set_step(f64::INFINITY);
+    system.set_step(dt);
+    // At rest there.
+    system.anchor_rates(&x);
     // A reefing line is stiffest drawn in.
     system.set_time(f64::INFINITY);
     system.tangent(Configuration::only(&x), load, 1.0, 0.0, &mut work);
@@ -209,7 +255,7 @@ fn highest_frequency(system: &mut System, inverse_mass: &[f64]) -> f64 {
         square = comm.sum(rayleigh).sqrt();
         std::mem::swap(&mut v, &mut work);
     }
-    square.sqrt()
+    square
 }
 
 /// One of the equal steps of a substep.
@@ -258,15 +304,16 @@ impl Dynamics {
         let (owned, h) = (e.inverse_mass.len(), part.dt() / count);
         let mut carried = self.payload.take().zip(self.next.body);
         self.system.set_step(h);
-        e.applied_impulse = 0.0;
+        (e.applied_impulse, e.taken) = (0.0, 0.0);
         let mut applied = -vertical_sum(&e.force[..owned]);
         for k in 1..=count as u64 {
             let share = span[0] + (span[1] - span[0]) * k as f64 / count;
             let time = self.time + share * window;
             let step = CentralStep { h, slowing: 0.5 * h * self.damping, share, time, body };
-            self.begin_central_step(&step);
+            self.begin_central_step(e, &step);
             self.move_nodes(e, &step, &mut carried);
             self.explicit_forces(e, step.share, load);
+            self.add_taken(e);
             let before = std::mem::replace(&mut applied, -vertical_sum(&e.force[..owned]));
             e.applied_impulse += 0.5 * h * (before + applied);
             self.kick_nodes(e, &step, &mut carried);
@@ -288,10 +335,10 @@ impl Dynamics {
             let node = most_strained(&self.system.model, &self.x);
             return Err(NewtonError::NotFinite { steps: 0, node });
         }
-        e.stable = e.stable_step() / (1.0 + 3.0 * strain).sqrt();
+        e.stable = e.stable_step_at(strain);
         if self.system.depends_on_rate() {
-            // Where the nodes would come from at their velocities.
-            let dt = part.dt();
+            // Where the nodes would come from at their velocities: in a step, where strains count.
+            let dt = if e.damping_rate > 0.0 { part.dt().min(e.safety * e.stable) } else { part.dt() };
             self.system.set_step(dt);
             for i in 0..self.x.len() {
                 e.half[i] = self.x[i] - dt * self.next.v[i];
@@ -305,7 +352,10 @@ impl Dynamics {
     }
 
     /// Sets place and time of the start of a step in the elements.
-    fn begin_central_step(&mut self, step: &CentralStep) {
+    fn begin_central_step(&mut self, e: &mut Explicit, step: &CentralStep) {
+        if e.damping_rate > 0.0 {
+            e.before.copy_from_slice(&self.x);
+        }
         if self.system.depends_on_rate() {
             self.system.anchor_rates(&self.x);
         }
@@ -343,6 +393,13 @@ impl Dynamics {
             self.x[i] = self.system.model.reference[i] + u[i];
         }
         self.system.model.halo.exchange(&mut self.x, 3);
+    }
+
+    /// Adds the energy that stresses by rates took in a step.
+    fn add_taken(&mut self, e: &mut Explicit) {
+        if e.damping_rate > 0.0 {
+            e.taken += self.system.dissipation(&e.before, &self.x);
+        }
     }
 
     /// Second half of a step: the forces at its end give the velocities there.

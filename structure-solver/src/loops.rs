@@ -69,6 +69,11 @@ pub trait ElementLoop {
     /// Length of the next step, s; infinite where rates do not count.
     fn set_step(&mut self, _dt: f64) {}
 
+    /// Retardation time, s, where stresses depend on the rate of strains; explicit steps shrink with it.
+    fn retardation_time(&self) -> f64 {
+        0.0
+    }
+
     /// Whether forces depend on time: then [`ElementLoop::set_time`] precedes every step.
     fn depends_on_time(&self) -> bool {
         false

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 30] = [
+const EFFECTS: [&str; 31] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -46,6 +46,7 @@ const EFFECTS: [&str; 30] = [
     "lines",
     "lines.tension_only",
     "lines.hysteresis",
+    "fabric.retardation_time_s",
     "risers",
     "tapes",
     "structure.spectral_radius",

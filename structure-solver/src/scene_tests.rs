@@ -488,3 +488,52 @@ fn a_run_alone_keeps_its_history_and_its_last_state() {
     assert_eq!(read(out.path()).lines().count(), 1);
     assert!(case::state_file(&out.path().join("one/state"), case::Role::Structure).exists());
 }
+
+/// Fabric released from a stretched shape in explicit steps with a retardation time, in windows of five elastic steps: energies before and after each, and the
+/// energy that damping is said to take.
+fn retarded_release(quads: &str, time: f64, window: f64, safety: f64) -> (f64, Vec<f64>, f64) {
+    let fabric = format!(
+        "retardation_time_s = {time}\n[structure]\nintegration = \"explicit\"\nmembrane = \"{quads}\""
+    );
+    let mut d = structure(&scene(BAG, &fabric, TIME), None).expect("a structure");
+    let stable = d.integrate_explicitly(safety).expect("a mass").stable_step();
+    for (i, u) in d.accepted.u.iter_mut().enumerate() {
+        let x = d.system.model.reference[i];
+        *u = if i % 3 == 2 { 0.0 } else { 1e-3 * x };
+    }
+    let p = vec![0.0; d.system.model.n_faces];
+    d.balance_start(FaceLoad { pressure: &p, traction: &[] }, [0.0; 3]).expect("a mass");
+    let load = LoadPath { pressure: [&p; 2], traction: [&[]; 2] };
+    let (mut energies, mut taken) = (vec![energy(&d)], 0.0);
+    for _ in 0..40 {
+        let Ok(info) = d.window(window, 1, load, [0.0; 3], false) else { break };
+        taken += info.damping_work;
+        d.accept();
+        energies.push(energy(&d));
+    }
+    (stable, energies, taken)
+}
+
+/// The energy falls from window to window, damping is said to take what is lost, and steps shrink as the bound says; beyond it the energy grows.
+#[test]
+fn explicit_steps_shrink_with_the_retardation_time() {
+    for quads in ["triangle", "quadrilateral"] {
+        let elastic = retarded_release(quads, 0.0, 1e-9, 0.9).0;
+        for ratio in [0.1, 1.0, 10.0] {
+            let (stable, energies, taken) = retarded_release(quads, ratio * elastic, 5.0 * elastic, 0.9);
+            let bound = f64::hypot(ratio, 1.0) - ratio;
+            assert!((stable / elastic / bound - 1.0).abs() < 0.02, "{quads}, {ratio}: {}", stable / elastic);
+            assert!(
+                energies.len() == 41 && energies.is_sorted_by(|a, b| a > b),
+                "{quads}, {ratio}: {energies:?}"
+            );
+            let lost = energies[0] - energies[40];
+            println!("{quads}, {ratio}: lost {:.3}, taken {:.4} of that", lost / energies[0], taken / lost);
+            assert!(lost > 0.3 * energies[0], "{quads}: {lost} of {}", energies[0]);
+            assert!((taken / lost - 1.0).abs() < 2e-3, "{quads}, {ratio}: {taken} beside {lost}");
+        }
+        let (_, energies, _) = retarded_release(quads, 10.0 * elastic, 5.0 * elastic, 1.3);
+        let grown = energies.len() < 41 || energies.iter().any(|e| *e > 2.0 * energies[0]);
+        assert!(grown, "{quads}: {energies:?}");
+    }
+}

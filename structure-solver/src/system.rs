@@ -161,6 +161,11 @@ impl System {
         }
     }
 
+    /// Largest [`ElementLoop::retardation_time`], s.
+    pub fn retardation_time(&self) -> f64 {
+        self.loops.iter().map(|l| l.retardation_time()).fold(0.0, f64::max)
+    }
+
     /// [`ElementLoop::anchor`] of the loops that depend on rates.
     pub fn anchor_rates(&mut self, x: &[f64]) {
         self.loops.iter_mut().filter(|l| l.depends_on_rate()).for_each(|l| l.anchor(x));

@@ -478,12 +478,6 @@ fn integrations_refuse_what_they_cannot_do() {
         ("spectral_radius = 0.6", "spectral_radius = 0.6\nintegration = \"newmark\"", "no numerical damping"),
         (
             "spectral_radius = 0.6",
-            "integration = \"explicit\"\n[[stage]]\nname = \"damped\"\nkind = \"pre-inflation\"\npressure_pa = 1.0\n\
-             duration_s = 0.1\nwindow_s = 0.1\nstiffness_damping_s = 1e-3",
-            "stable step",
-        ),
-        (
-            "spectral_radius = 0.6",
             "integration = \"explicit\"\nexplicit_safety = 1.5",
             "structure.explicit_safety",
         ),

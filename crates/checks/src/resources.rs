@@ -239,8 +239,10 @@ fn response(f: &Facts<'_>, s: &Stage) -> f64 {
         let wave = (fabric.youngs_modulus_pa / fabric.density_kg_m3).sqrt();
         let crossing = |c: &mesh::Cable| Some(c.kind.section(f.scene)?.wave_speed() / c.rest_length);
         let crossings = f.mesh.cables.iter().filter_map(crossing).fold(wave / n.cell, f64::max);
-        // A step is a share of 2 over the highest frequency, about 2 of these crossings.
-        EXPLICIT_S * (s.window_s * crossings / f.scene.structure.explicit_safety).max(f64::from(s.substeps))
+        // A step is a share of 2 over the highest frequency, about 2 of these crossings; rates of strains shorten it.
+        let tau = f.scene.retardation_time_s() + s.stiffness_damping_s;
+        let steps = crossings * (tau * crossings + (tau * crossings).hypot(1.0));
+        EXPLICIT_S * (s.window_s * steps / f.scene.structure.explicit_safety).max(f64::from(s.substeps))
     } else {
         IMPLICIT_S * f64::from(s.substeps)
     };

@@ -46,7 +46,7 @@ pub const CHECKS: &[Check] = &[
         id: "stage.settling",
         what: "the canopy comes to rest in the pre-inflation that a flow grid is built around",
         estimate: "share exp(-(c + tau omega^2) t) of the first mode's energy (stage.canopy-mode) that damping leaves after \
-                   the stage, from mass_damping_per_s c and stiffness_damping_s tau",
+                   the stage, from mass_damping_per_s c and tau, the sum of stiffness_damping_s and fabric.retardation_time_s",
         range: "warning above 1 % before a stage with the flow, for parachutes; overdamped motion is not judged",
         source: "linear oscillator; the default time integration keeps the energy of a swing, as fabric in a vacuum does",
         severity: Warning,
@@ -169,7 +169,8 @@ fn settling(f: &Facts<'_>) -> Vec<Judged> {
     for (i, s) in inflations.filter(|_| f.is_parachute()) {
         let Some(period) = first_period(f, s) else { continue };
         let omega = TAU / period;
-        let rate = s.mass_damping_per_s + s.stiffness_damping_s * omega * omega;
+        let tau = s.stiffness_damping_s + f.scene.fabric.retardation_time_s;
+        let rate = s.mass_damping_per_s + tau * omega * omega;
         if rate >= 2.0 * omega {
             continue;
         }

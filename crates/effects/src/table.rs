@@ -51,6 +51,15 @@ fn turbulence(s: &Scene) -> Option<Turbulence> {
     viscosity(s).and_then(|v| v.turbulence)
 }
 
+fn clear_retardation(s: &mut Scene) {
+    s.fabric.retardation_time_s = 0.0;
+    s.lines.iter_mut().for_each(|l| l.retardation_time_s = 0.0);
+    s.risers.iter_mut().for_each(|r| r.retardation_time_s = 0.0);
+    let Some(t) = &mut s.tapes else { return };
+    [&mut t.hem, &mut t.seams, &mut t.vents].into_iter().flatten().for_each(|t| t.retardation_time_s = 0.0);
+    t.grid.iter_mut().for_each(|g| g.retardation_time_s = 0.0);
+}
+
 fn laminar(s: &mut Scene) {
     if let Some(v) = s.flow.as_mut().and_then(|f| f.viscosity.as_mut()) {
         (v.turbulence, v.wall_treatment) = (None, None);
@@ -222,6 +231,22 @@ pub const TABLE: &[Entry] = &[
         }),
     },
     Entry {
+        key: "fabric.retardation_time_s",
+        what: "stresses by the rate of strains in a material: fabric, lines, risers, tapes",
+        model: "Kelvin-Voigt with one retardation time for each material, with any time integration; off: no loop",
+        equation: "S_v = tau (S(E_1) - S(E_0)) / dt",
+        reference: "Ferry, Viscoelastic Properties of Polymers (1980), chapter 3; derivation in structure-solver/src/materials/viscous.rs",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: damps oscillations, not the mean",
+        on: |s| s.retardation_time_s() > 0.0,
+        assess: c::retardation,
+        cost: "a second loop over the elements of the material; explicit steps shrink to sqrt(tau^2 + h^2) - tau",
+        needs: None,
+        without: Some(clear_retardation),
+        with: Some(|s| s.fabric.retardation_time_s = 1e-5),
+    },
+    Entry {
         key: "lines.drag",
         what: "drag of the air on lines",
         model: "each segment a cylinder in cross flow, in the air of the far field; off: no loop, no array",
@@ -365,7 +390,7 @@ pub const TABLE: &[Entry] = &[
     Entry {
         key: "stage.stiffness_damping_s",
         what: "stresses by the rate of strains, in fabric and lines",
-        model: "Kelvin-Voigt with one relaxation time for fabric and lines; implicit steps only",
+        model: "Kelvin-Voigt with one retardation time for the whole structure, added to those of the materials",
         equation: "S_v = beta (S(E_1) - S(E_0)) / dt",
         reference: "Rayleigh damping; derivation in structure-solver/src/materials/viscous.rs",
         programs: STRUCTURE,

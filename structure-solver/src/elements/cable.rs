@@ -131,6 +131,10 @@ pub trait AxialStress: 'static {
     }
     /// See [`Kernel::set_step`].
     fn set_step(&mut self, _dt: f64) {}
+    /// See [`Kernel::retardation_time`].
+    fn retardation_time(&self) -> f64 {
+        0.0
+    }
     /// See [`Kernel::set_time`].
     fn set_time(&mut self, _t: f64) {}
 }
@@ -212,6 +216,10 @@ impl<L: CableLaw> AxialStress for Viscous<L> {
 
     fn set_step(&mut self, dt: f64) {
         self.rate = self.time / dt;
+    }
+
+    fn retardation_time(&self) -> f64 {
+        self.time
     }
 }
 
@@ -308,6 +316,10 @@ impl<S: AxialStress> Kernel<2> for Cable<S> {
 
     fn set_step(&mut self, dt: f64) {
         self.stress.set_step(dt);
+    }
+
+    fn retardation_time(&self) -> f64 {
+        self.stress.retardation_time()
     }
 
     fn set_time(&mut self, t: f64) {

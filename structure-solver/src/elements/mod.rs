@@ -159,6 +159,11 @@ pub trait Kernel<const N: usize>: 'static {
     /// Length of the next step, s; see [`crate::loops::ElementLoop::set_step`].
     fn set_step(&mut self, _dt: f64) {}
 
+    /// Retardation time, s, where stresses depend on the rate of strains.
+    fn retardation_time(&self) -> f64 {
+        0.0
+    }
+
     /// Time at the end of the next step, s; see [`crate::loops::ElementLoop::set_time`].
     fn set_time(&mut self, _t: f64) {}
 

@@ -371,6 +371,10 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
     fn set_step(&mut self, dt: f64) {
         self.law.set_step(dt);
     }
+
+    fn retardation_time(&self) -> f64 {
+        self.law.retardation_time()
+    }
 }
 
 #[cfg(test)]

@@ -183,6 +183,10 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         self.kernel.set_step(dt);
     }
 
+    fn retardation_time(&self) -> f64 {
+        self.kernel.retardation_time()
+    }
+
     fn depends_on_time(&self) -> bool {
         K::TIMED
     }

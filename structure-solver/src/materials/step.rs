@@ -34,6 +34,10 @@ pub trait StepLaw: 'static {
     }
     /// Length of the next step, s.
     fn set_step(&mut self, _dt: f64) {}
+    /// Retardation time of a law with a [`StepLaw::RATE`], s.
+    fn retardation_time(&self) -> f64 {
+        0.0
+    }
 }
 
 /// A material alone.

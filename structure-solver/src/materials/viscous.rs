@@ -63,6 +63,10 @@ impl<M: Material> StepLaw for Viscous<M> {
     fn set_step(&mut self, dt: f64) {
         self.rate = self.time / dt;
     }
+
+    fn retardation_time(&self) -> f64 {
+        self.time
+    }
 }
 
 /// The material and its damping in one element.
@@ -117,5 +121,9 @@ impl<M: Material> StepLaw for KelvinVoigt<M> {
 
     fn set_step(&mut self, dt: f64) {
         self.viscous.set_step(dt);
+    }
+
+    fn retardation_time(&self) -> f64 {
+        self.viscous.time
     }
 }

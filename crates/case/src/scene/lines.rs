@@ -28,6 +28,10 @@ pub struct Lines {
     /// Share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Each stage
     /// starts as after a first loading; stages with `solve = "static"` have none.
     pub hysteresis: Option<f64>,
+    /// Retardation time (Kelvin-Voigt), s: a stress of this time times the rate of the elastic stress is added to it, so that an oscillation of circular frequency
+    /// w loses as with a loss factor of w times this time. It adds to `stage.stiffness_damping_s`. Explicit steps shrink with it.
+    #[serde(default)]
+    pub retardation_time_s: f64,
     /// A line that is shorter than its rest length carries nothing.
     #[serde(default = "yes")]
     pub tension_only: bool,
@@ -77,6 +81,16 @@ impl Scene {
     }
 }
 
+impl Scene {
+    /// Largest retardation time of fabric, lines, risers and tapes, s.
+    pub fn retardation_time_s(&self) -> f64 {
+        let lines = self.lines.as_ref().map(|l| l.retardation_time_s);
+        let risers = self.risers.map(|r| r.retardation_time_s);
+        let tapes = self.tapes.iter().flat_map(|t| t.places()).map(|(_, tape)| tape.retardation_time_s);
+        lines.into_iter().chain(risers).chain(tapes).fold(self.fabric.retardation_time_s, f64::max)
+    }
+}
+
 /// Largest share of the work of stretching that lines may take.
 pub const MOST_HYSTERESIS: f64 = 0.4;
 
@@ -86,6 +100,11 @@ pub(super) fn hysteresis(section: &str, share: Option<f64>, c: &mut Check) {
         let why = "a share of the work of stretching; the friction of the law reaches 0.4";
         c.range(&format!("{section}.hysteresis"), share, 0.0..=MOST_HYSTERESIS, why);
     }
+}
+
+/// Refuses a retardation time that no material has.
+pub(super) fn retardation(section: &str, time: f64, c: &mut Check) {
+    c.range(&format!("{section}.retardation_time_s"), time, 0.0..=10.0, "in seconds");
 }
 
 /// What the strength of a line is.
@@ -102,6 +121,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     safety_factor("lines", l.safety_factor, l.strength_n.is_some(), "strength_n", c);
     hysteresis("lines", l.hysteresis, c);
+    retardation("lines", l.retardation_time_s, c);
     let most = 0.5 * l.youngs_modulus_pa;
     c.range("lines.prestress_pa", l.prestress_pa, -most..=most, "at most half the modulus");
     if let Some(d) = &l.drag {

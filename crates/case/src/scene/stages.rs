@@ -5,9 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{body_motion, perturbation, steady, wind};
 use crate::check::{Check, NAME_OF_FOLDER, plain_name};
-use crate::{
-    BodyMotion, Canopy, Clock, Force, Gust, Integration, Motion, Perturbation, Role, Scene, StageWind, Steady,
-};
+use crate::{BodyMotion, Canopy, Clock, Force, Gust, Motion, Perturbation, Role, Scene, StageWind, Steady};
 
 /// One stage of a run.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -41,7 +39,7 @@ pub struct Stage {
     #[serde(default)]
     pub mass_damping_per_s: f64,
     /// Stiffness-proportional damping of the structure in this stage, s: the stress
-    /// that it adds is this time times the rate of the elastic stress.
+    /// that it adds is this time times the rate of the elastic stress. Retardation times of materials add to it.
     #[serde(default)]
     pub stiffness_damping_s: f64,
     /// Ends the stage early once the kinetic energy of the structure is below
@@ -200,7 +198,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         prescribed(scene, k, &at, c);
         body_motion::check(scene, k, &at, c);
         times(stage, &at, c);
-        steps_and_damping(scene, stage, &at, c);
+        steps_and_damping(stage, &at, c);
         nodes(stage, &at, c);
         pressure(stage, &at, c);
         flow(scene, stage, &at, c);
@@ -262,18 +260,10 @@ fn times(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     }
 }
 
-fn steps_and_damping(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+fn steps_and_damping(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     c.count(&at("substeps"), s.substeps, 1..=100_000, "structural steps in a window");
     c.range(&at("mass_damping_per_s"), s.mass_damping_per_s, 0.0..=1e6, "in 1/s");
-    let path = at("stiffness_damping_s");
-    if scene.structure.integration == Integration::Explicit && s.stiffness_damping_s > 0.0 {
-        c.refuse(
-            &path,
-            "stiffness-proportional damping would shrink the stable step of explicit integration",
-            "leave it out, or set structure.integration = \"generalized-alpha\"",
-        );
-    }
-    c.range(&path, s.stiffness_damping_s, 0.0..=1e3, "in seconds");
+    c.range(&at("stiffness_damping_s"), s.stiffness_damping_s, 0.0..=1e3, "in seconds");
     if let Some(r) = s.settled_energy_ratio {
         c.positive(&at("settled_energy_ratio"), r, 1.0, "kinetic over strain energy");
     }

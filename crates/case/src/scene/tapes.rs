@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Canopy;
 use super::fabric::safety_factor;
-use super::lines::{STRENGTH, hysteresis};
+use super::lines::{STRENGTH, hysteresis, retardation};
 use crate::check::Check;
 use crate::materials::required_without_material;
 use crate::{RiserMaterial, Scene, TapeMaterial};
@@ -49,6 +49,9 @@ pub struct Tape {
     pub strength_n: Option<f64>,
     /// Safety factor that the tapes of this place should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
+    /// As `lines.retardation_time_s`: retardation time (Kelvin-Voigt), s.
+    #[serde(default)]
+    pub retardation_time_s: f64,
 }
 
 /// Tapes along and across all panels at a spacing in metres, so that every mesh has the same length of tape, mass and stiffness.
@@ -73,6 +76,9 @@ pub struct TapeGrid {
     pub strength_n: Option<f64>,
     /// Safety factor that the tapes of this place should have: strength over largest tension. Absent: 1.
     pub safety_factor: Option<f64>,
+    /// As `lines.retardation_time_s`: retardation time (Kelvin-Voigt), s.
+    #[serde(default)]
+    pub retardation_time_s: f64,
 }
 
 /// Section of the risers.
@@ -94,6 +100,9 @@ pub struct Risers {
     /// As `lines.hysteresis`: share of the work of stretching that a slow cycle from zero to a load and back does not return, at most 0.4. Absent: 0, elastic. Each stage
     /// starts as after a first loading; stages with `solve = "static"` have none.
     pub hysteresis: Option<f64>,
+    /// As `lines.retardation_time_s`: retardation time (Kelvin-Voigt), s.
+    #[serde(default)]
+    pub retardation_time_s: f64,
 }
 
 /// Where a tape is sewn.
@@ -138,6 +147,7 @@ impl Tapes {
                     mass_kg_m: g.mass_kg_m,
                     strength_n: g.strength_n,
                     safety_factor: g.safety_factor,
+                    retardation_time_s: g.retardation_time_s,
                 };
                 self.grid.map(tape)
             }
@@ -186,6 +196,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         section("risers", r.axial_stiffness_n, r.mass_kg_m, c);
         strength("risers", r.strength_n, r.safety_factor, c);
         hysteresis("risers", r.hysteresis, c);
+        retardation("risers", r.retardation_time_s, c);
         risers(scene, c);
     }
     let Some(t) = &scene.tapes else { return };
@@ -201,6 +212,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         let path = format!("tapes.{}", place.name());
         section(&path, tape.axial_stiffness_n, tape.mass_kg_m, c);
         strength(&path, tape.strength_n, tape.safety_factor, c);
+        retardation(&path, tape.retardation_time_s, c);
         if !can.contains(&place) {
             let places: Vec<_> = can.iter().map(|p| p.name()).collect();
             let help = if places.is_empty() {

@@ -13,8 +13,8 @@ use case::Scene;
 pub use descent::{body, descent, line_drag, payload_drag, typical_drag_area};
 pub use structure::{
     bending, contact, contact_friction, fabric_gravity, hysteresis, immersed, integration, law, lines,
-    mass_damping, moving_grid, orthotropic, prescribed, prestress, reefing, reinforcements, risers,
-    stiffness_damping, tapes, wrinkling,
+    mass_damping, moving_grid, orthotropic, prescribed, prestress, reefing, reinforcements, retardation,
+    risers, stiffness_damping, tapes, wrinkling,
 };
 
 use super::estimate::Certainty;

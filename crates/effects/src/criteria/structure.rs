@@ -296,6 +296,20 @@ pub fn hysteresis(s: &Scope<'_>) -> Assessment {
     })
 }
 
+/// Rates of strains damp oscillations, not the mean; the loss factor grows with the frequency.
+pub fn retardation(s: &Scope<'_>) -> Assessment {
+    let time = s.scene().retardation_time_s();
+    if time == 0.0 {
+        return Assessment::not(
+            "damps oscillations, not the mean; the retardation times of the materials are not known",
+        );
+    }
+    Assessment::not(format!(
+        "damps oscillations, not the mean: loss factor {} at 10 Hz by the longest retardation time",
+        percent(20.0 * PI * time)
+    ))
+}
+
 /// Kelvin-Voigt damping changes oscillations and peaks, not a state at rest.
 pub fn stiffness_damping(s: &Scope<'_>) -> Assessment {
     let f = &s.scene().fabric;
