@@ -128,6 +128,14 @@ pub(super) fn warnings(run: &Run) -> Vec<String> {
     }
     for stage in &run.stages {
         let name = &run.stage(stage).name;
+        let of_summary = |key: &str| stage.summary.as_ref().and_then(|s| s.get(key)).and_then(Value::as_f64);
+        if let Some(changes) = of_summary("length_changes").filter(|n| *n > 0.0) {
+            found.push(format!(
+                "stage `{name}`: {changes:.0} changes of the longest window allowed, because the coupling created energy or did so no longer; \
+                 shortest window {:.2e} s",
+                of_summary("shortest_window_s").unwrap_or(f64::NAN)
+            ));
+        }
         for start in ["rejected", "retries", "mesh_regrid"] {
             for column in stage.columns.starting(start) {
                 let sum = stage.columns.sum(column);

@@ -15,6 +15,7 @@ const SECTION: Tape = Tape {
     mass_kg_m: 3.8e-3,
     strength_n: None,
     safety_factor: None,
+    retardation_time_s: 0.0,
 };
 
 fn grid(spacing_m: f64) -> Option<TapeGrid> {
