@@ -1,21 +1,34 @@
 //! The command line of every solver program.
 
 use std::path::PathBuf;
+use std::sync::LazyLock;
 use std::time::Duration;
 
 use case::Role;
 use clap::Parser;
 
-use crate::ServeOptions;
 use crate::watchdog::Watchdog;
+use crate::{CONTRACT_VERSION, ServeOptions};
 
 /// Environment variable with the deadline of the run in seconds.
 pub const DEADLINE: &str = "RIPSTOP_DEADLINE_S";
+
+/// Name of this program's file.
+static NAME: LazyLock<String> = LazyLock::new(|| {
+    let path = std::env::args_os().next().map(PathBuf::from).unwrap_or_default();
+    path.file_name().map_or_else(|| "solver".into(), |name| name.to_string_lossy().into_owned())
+});
+
+/// Version of Ripstop, and of the contract that the program speaks.
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("(Ripstop {}, contract {CONTRACT_VERSION})", env!("CARGO_PKG_VERSION")));
 
 /// Arguments that the coupler passes to a solver program: the same for every program, including one that replaces a
 /// solver.
 #[derive(Clone, Debug, PartialEq, Parser)]
 #[command(
+    name = NAME.as_str(),
+    version = VERSION.as_str(),
     about = "A solver program of Ripstop. Started by `ripstop run`, or by hand together with `ripstop attach`."
 )]
 pub struct ProgramArgs {
@@ -151,6 +164,8 @@ mod tests {
             let message = parse(line).expect_err(line);
             assert!(message.contains(word) && message.contains("ripstop attach"), "{message}");
         }
+        let version = parse("flow --version").expect_err("a version");
+        assert!(version.contains(&format!("contract {CONTRACT_VERSION})")), "{version}");
         assert!(!parse("flow --help").expect_err("help").contains("to start this program by hand"));
     }
 }
