@@ -16,8 +16,8 @@ fn flexible_bottom_of_a_cavity_moves_as_published() {
     let columns = results::history::read(&file).expect("a table");
     let column = |name: &str| &columns.iter().find(|(n, _)| n == name).expect("the column").1;
     let (time, z) = (column("time_s"), column("middle_z_m"));
-    assert_eq!(time.len(), 250);
     let period: Vec<f64> = time.iter().zip(z).filter(|(t, _)| **t > 20.0).map(|(_, z)| *z).collect();
+    assert_eq!((time.len(), period.len()), (250, 50));
     let largest = period.iter().copied().fold(f64::MIN, f64::max);
     let least = period.iter().copied().fold(f64::MAX, f64::min);
     let mean = period.iter().sum::<f64>() / period.len() as f64;

@@ -206,7 +206,7 @@ pub struct AdaptiveWindow {
 
 impl Default for AdaptiveWindow {
     fn default() -> Self {
-        Self { enabled: true, halvings: 5, grow_after: 4, energy_limit: 0.05 }
+        Self { enabled: true, halvings: 5, grow_after: 4, energy_limit: 0.1 }
     }
 }
 
