@@ -586,7 +586,10 @@ mod tests {
         assert_eq!((&other.normals, &other.areas), (&model.normals, &model.areas));
         assert_eq!(other.save_state(), saved);
 
-        model.accept(&moved(2.9, 0.2), 0.1);
+        // Normals deviate by 0.3 times the bend.
+        model.accept(&moved(2.9, 2.0 * DEFORMATION_TOLERANCE), 0.1);
+        assert!(matches!(model.update(0.1), Some(SurrogateUpdate::Turned(_))));
+        model.accept(&moved(2.9, 5.0 * DEFORMATION_TOLERANCE), 0.1);
         assert!(matches!(model.update(0.1), Some(SurrogateUpdate::Reassembled(_))));
         assert_eq!(model.secants(), 0);
         let updates = other.restore_state(&model.save_state()).expect("its state");
