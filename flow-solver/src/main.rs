@@ -130,7 +130,7 @@ fn run_alone(args: &Alone, comm: &Comm) -> Result<(), Fault> {
         Some(_) => 1,
         None => args.steps.unwrap_or(stage.windows()),
     };
-    let fall = scene.resolved().initial_speed_m_s;
+    let frame_velocity = scene.resolved().initial_velocity_m_s;
     let mut output = vec![0.0; participant.output_rows().len() * channel::LOAD_WIDTH];
     if comm.is_root() {
         println!("   step    time s     force z N   residual start    end  steps  linear  Courant    wall s");
@@ -143,7 +143,7 @@ fn run_alone(args: &Alone, comm: &Comm) -> Result<(), Fault> {
             time: index as f64 * stage.window_s,
             // A steady stage has no duration; a window needs one.
             dt: if stage.steady.is_some() { 1.0 } else { stage.window_s },
-            frame_velocity: [0.0, 0.0, -fall],
+            frame_velocity,
             ..Window::default()
         };
         let input = Input { canopy: &[], grid: channel::Grid::default() };

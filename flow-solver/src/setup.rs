@@ -78,9 +78,8 @@ fn speed_at_start(
     wind: &Wind,
     sheared: bool,
 ) -> Result<f64, Fault> {
-    let fall = scene.resolved().initial_speed_m_s;
-    let [x, y, z] = wind.steady();
-    let speed = (x * x + y * y + (z + fall) * (z + fall)).sqrt();
+    let stream = Vec3::from(wind.steady()) - Vec3::from(scene.resolved().initial_velocity_m_s);
+    let speed = stream.norm();
     let air = air(flow);
     let sound = (air.gas_constant * air.temperature).sqrt();
     if speed >= sound {

@@ -1,11 +1,11 @@
 """Numbers and names of the contract. Written from the code of crates/channel:
 RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc. Not to be edited."""
 
-VERSION = 4
+VERSION = 5
 MAGIC = 0x00504F5453504952
-HEADER_TYPE = "ripstop.Header.v4"
-HEADER_BYTES = 416
-STATS = 32
+HEADER_TYPE = "ripstop.Header.v5"
+HEADER_BYTES = 544
+STATS = 48
 COUPLER = 0
 TEXT_WORDS = 1024
 BUFFER = 2
@@ -100,7 +100,7 @@ WINDOW = [
 ]
 ANSWER = [
     (152, "busy_s", "f64", 1),
-    (160, "values", "f64", 32),
+    (160, "values", "f64", 48),
 ]
 STATISTICS = {
     "structure": {
@@ -117,7 +117,6 @@ STATISTICS = {
         "step_cuts": 10,
         "assembly_s": 11,
         "linear_s": 12,
-        "air_force": 13,
         "riser_force": 14,
         "volume": 15,
         "residual_target": 16,
@@ -128,14 +127,21 @@ STATISTICS = {
         "energy_created_sum": 21,
         "energy_throughput": 22,
         "energy_excess": 23,
-        "support_force": 24,
-        "vertical_momentum": 25,
         "max_membrane_force": 26,
         "membrane_force_99": 27,
         "max_hem_tape_tension": 28,
         "max_seam_tape_tension": 29,
         "max_vent_tape_tension": 30,
         "max_grid_tape_tension": 31,
+        "support_force_x": 32,
+        "support_force_y": 33,
+        "support_force_z": 34,
+        "momentum_x": 35,
+        "momentum_y": 36,
+        "momentum_z": 37,
+        "air_force_x": 38,
+        "air_force_y": 39,
+        "air_force_z": 40,
     },
     "flow": {
         "force_x": 0,

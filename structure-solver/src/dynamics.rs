@@ -10,6 +10,7 @@ use crate::newton::{Newton, NewtonError, NewtonInfo, NewtonParams, State, StepEq
 use crate::payload::Payload;
 use crate::scheme::Scheme;
 use crate::system::System;
+use mesh::geometry::Vec3;
 
 /// A load that runs linearly from the start to the end of a window.
 #[derive(Clone, Copy, Debug)]
@@ -91,8 +92,8 @@ pub struct WindowInfo {
     pub damping_work: f64,
     /// Work on the structure by kind.
     pub works: Works,
-    /// Vertical impulse of the external forces (loads on faces, on nodes, drag; no weight), N s.
-    pub applied_impulse: f64,
+    /// Impulse of the external forces (loads on faces, on nodes, drag; no weight), N s.
+    pub applied_impulse: Vec3,
 }
 
 /// Equations, time integration and solvers of one rank.
@@ -278,12 +279,14 @@ impl Dynamics {
                 self.path[k as usize].copy_from_slice(&self.current.u);
             }
         }
-        let mut works = [0.0; 3 + Works::KINDS];
-        works[..3].copy_from_slice(&[info.load_work, info.damping_work, info.applied_impulse]);
-        works[3..].copy_from_slice(&info.works.0);
-        self.system.comm().sum_slice(&mut works);
-        [info.load_work, info.damping_work, info.applied_impulse] = [works[0], works[1], works[2]];
-        info.works.0.copy_from_slice(&works[3..]);
+        let mut sums = [0.0; 5 + Works::KINDS];
+        sums[..2].copy_from_slice(&[info.load_work, info.damping_work]);
+        sums[2..5].copy_from_slice(info.applied_impulse.as_slice());
+        sums[5..].copy_from_slice(&info.works.0);
+        self.system.comm().sum_slice(&mut sums);
+        [info.load_work, info.damping_work] = [sums[0], sums[1]];
+        info.applied_impulse = Vec3::from_column_slice(&sums[2..5]);
+        info.works.0.copy_from_slice(&sums[5..]);
         Ok(info)
     }
 
@@ -307,7 +310,7 @@ impl Dynamics {
                 info.unconverged += u64::from(info.target > 0.0 && step.residual > info.target);
                 info.applied_impulse += match &self.explicit {
                     Some(e) => e.applied_impulse,
-                    None => dt * self.newton.applied_z,
+                    None => self.newton.applied * dt,
                 };
                 let (load_work, damping_work) = (self.load_work(part), self.damping_work());
                 info.load_work += load_work;

@@ -35,7 +35,7 @@ use crate::failure_site::principal;
 use crate::flat::at;
 use crate::loops::{Configuration, FaceLoad};
 use crate::model::Model;
-use crate::newton::{NewtonError, NewtonInfo, State, Stop, vertical_sum};
+use crate::newton::{NewtonError, NewtonInfo, State, Stop, sum_of_nodes};
 use crate::payload::Payload;
 use crate::rigid::BodyState;
 use crate::system::System;
@@ -89,8 +89,8 @@ pub struct Explicit {
     known: bool,
     /// Largest stable step at the last check, s.
     stable: f64,
-    /// Vertical impulse of the external forces on the owned nodes in the last substep, N s.
-    pub(crate) applied_impulse: f64,
+    /// Impulse of the external forces on the owned nodes in the last substep, N s.
+    pub(crate) applied_impulse: Vec3,
     /// Energy that stresses by rates took in the last substep on this rank, J.
     taken: f64,
     /// Evaluations of the forces since the start.
@@ -128,7 +128,7 @@ impl Explicit {
             before: vec![0.0; if damping_rate > 0.0 { n } else { 0 }],
             known: false,
             stable: 0.0,
-            applied_impulse: 0.0,
+            applied_impulse: Vec3::zeros(),
             taken: 0.0,
             evaluations: 0,
         })
@@ -304,8 +304,8 @@ impl Dynamics {
         let (owned, h) = (e.inverse_mass.len(), part.dt() / count);
         let mut carried = self.payload.take().zip(self.next.body);
         self.system.set_step(h);
-        (e.applied_impulse, e.taken) = (0.0, 0.0);
-        let mut applied = -vertical_sum(&e.force[..owned]);
+        (e.applied_impulse, e.taken) = (Vec3::zeros(), 0.0);
+        let mut applied = -sum_of_nodes(&e.force[..owned]);
         for k in 1..=count as u64 {
             let share = span[0] + (span[1] - span[0]) * k as f64 / count;
             let time = self.time + share * window;
@@ -314,8 +314,8 @@ impl Dynamics {
             self.move_nodes(e, &step, &mut carried);
             self.explicit_forces(e, step.share, load);
             self.add_taken(e);
-            let before = std::mem::replace(&mut applied, -vertical_sum(&e.force[..owned]));
-            e.applied_impulse += 0.5 * h * (before + applied);
+            let before = std::mem::replace(&mut applied, -sum_of_nodes(&e.force[..owned]));
+            e.applied_impulse += (before + applied) * (0.5 * h);
             self.kick_nodes(e, &step, &mut carried);
         }
         self.end_explicit(e, part, carried);

@@ -1,6 +1,7 @@
 //! Numbers that describe a state: energies, loads, areas, tensions, volume.
 
 use case::TapePlace;
+use mesh::geometry::Vec3;
 use mesh::{CableKind, StructureMesh};
 
 use crate::elements::load::area_vector;
@@ -30,16 +31,16 @@ pub struct Measures {
     pub riser_force: f64,
     /// Volume between the canopy and the horizontal plane through its hem, m3.
     pub volume: f64,
-    /// Mean vertical force over the window on what holds the structure, N: see `support.rs`.
-    pub support_force: f64,
+    /// Mean force over the window on what holds the structure, N: see `support.rs`.
+    pub support_force: Vec3,
     /// Largest membrane force, N for each metre of unstressed width.
     pub max_membrane_force: f64,
     /// Membrane force that 99 % of the unstressed area does not exceed, N/m.
     pub membrane_force_99: f64,
     /// Largest tension of a tape at each place, N, in the order of [`TapePlace::ALL`].
     pub max_tape_tensions: [f64; TapePlace::ALL.len()],
-    /// Vertical momentum of the nodes of free height in the frame, N s.
-    pub vertical_momentum: f64,
+    /// Momentum of the free components of all nodes in the frame, N s.
+    pub momentum: Vec3,
 }
 
 /// Input of the measures, except the state.

@@ -1,5 +1,6 @@
 //! Newton's method with a line search for one implicit time step.
 
+use mesh::geometry::Vec3;
 use std::time::Instant;
 
 use crate::elimination::Elimination;
@@ -161,9 +162,8 @@ pub struct Newton {
     pub elimination_s: f64,
     /// Residuals of the last step relative to the load, for tests and reports.
     pub history: Vec<f64>,
-    /// Vertical external force on the owned nodes at the last evaluation, N: internal forces cancel in the sum
-    /// over all ranks.
-    pub(crate) applied_z: f64,
+    /// External force on the owned nodes at the last evaluation, N: internal forces cancel in the sum over all ranks.
+    pub(crate) applied: Vec3,
 }
 
 /// The equation that a time step solves: balance of forces at a point of the step.
@@ -199,7 +199,7 @@ impl Newton {
             assembly_s: 0.0,
             elimination_s: 0.0,
             history: Vec::new(),
-            applied_z: 0.0,
+            applied: Vec3::zeros(),
         }
     }
 
@@ -418,7 +418,7 @@ impl Newton {
     fn predict(&mut self, system: &System, balance: &StepEquation<'_>, guesses: &[&[f64]]) -> f64 {
         let State { u, v, a, .. } = balance.from;
         let dt = balance.form.dt;
-        let (mut best, mut applied_z) = (f64::INFINITY, 0.0);
+        let (mut best, mut applied) = (f64::INFINITY, Vec3::zeros());
         for k in 0..2 + guesses.len() {
             for i in 0..u.len() {
                 self.u[i] = match k {
@@ -433,12 +433,12 @@ impl Newton {
             }
             let norm = self.residual(system, balance);
             if norm < best || k == 0 {
-                (best, applied_z) = (norm, self.applied_z);
+                (best, applied) = (norm, self.applied);
                 self.base.copy_from_slice(&self.u);
             }
         }
         self.u.copy_from_slice(&self.base);
-        self.applied_z = applied_z;
+        self.applied = applied;
         best
     }
 
@@ -450,7 +450,7 @@ impl Newton {
         self.set_configuration(system, balance);
         let configuration = Configuration { at: &self.x, end: &self.end, weight: balance.form.force_weight };
         system.forces(configuration, balance.load, &mut self.g);
-        self.applied_z = -vertical_sum(&self.g[..n]);
+        self.applied = -sum_of_nodes(&self.g[..n]);
         system.add_mass_product(&self.w, &mut self.g);
         system.constrain(&mut self.g);
         self.assembly_s += start.elapsed().as_secs_f64();
@@ -576,9 +576,9 @@ fn forcing(goal: f64, least: f64, slack: f64) -> f64 {
     goal.powf(1.0 / steps).clamp(least, slack * least)
 }
 
-/// Sum of the vertical components of `[nodes][3]`.
-pub(crate) fn vertical_sum(f: &[f64]) -> f64 {
-    f.iter().skip(2).step_by(3).sum()
+/// Sum of `[nodes][3]` over the nodes.
+pub(crate) fn sum_of_nodes(f: &[f64]) -> Vec3 {
+    f.as_chunks::<3>().0.iter().fold(Vec3::zeros(), |sum, f| sum + Vec3::from(*f))
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

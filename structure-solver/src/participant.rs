@@ -27,10 +27,11 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 31] = [
+const EFFECTS: [&str; 32] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
+    channel::FRAME_MOTION,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,
     channel::PERTURBATION,
@@ -320,14 +321,14 @@ impl StructureSolver {
         v[stat::STEP_CUTS] = info.cuts as f64;
         v[stat::RISER_FORCE] = m.riser_force;
         v[stat::VOLUME] = m.volume;
-        v[stat::SUPPORT_FORCE] = m.support_force;
-        v[stat::VERTICAL_MOMENTUM] = m.vertical_momentum;
+        v[stat::SUPPORT_FORCE..][..3].copy_from_slice(m.support_force.as_slice());
+        v[stat::MOMENTUM..][..3].copy_from_slice(m.momentum.as_slice());
         // Seconds differ between ranks; the slowest counts.
         let comm = self.dynamics.system.comm();
         v[stat::ASSEMBLY_S] = comm.max(self.assembly_s() - assembly);
         let linear = cost.factorisation_s - before.factorisation_s + cost.solve_s - before.solve_s;
         v[stat::LINEAR_S] = comm.max(linear);
-        v[stat::AIR_FORCE] = self.air_force();
+        v[stat::AIR_FORCE..][..3].copy_from_slice(self.air_force().as_slice());
         self.window_energy.report(v);
         stats
     }
@@ -377,10 +378,10 @@ impl Participant for StructureSolver {
         (self.computed, self.stuck) = (Some((w.index, w.dt)), None);
         let last = FaceLoad { pressure: &self.pressure[1], traction: &self.traction[1] };
         let mut m = self.gauge.measure(&self.dynamics.system, &self.dynamics.current, last);
-        m.vertical_momentum = self.dynamics.vertical_momentum();
+        m.momentum = self.dynamics.momentum();
         m.support_force = match self.rest {
-            Some(_) => m.riser_force,
-            None => self.mean_support_force(w.dt, body[2], &info),
+            Some(_) => Vec3::z() * m.riser_force,
+            None => self.mean_support_force(w.dt, body.into(), &info),
         };
         self.measures = m;
         self.info = info;
@@ -492,24 +493,26 @@ impl StructureSolver {
         }
     }
 
-    /// Mean vertical force on the payload over the window, N, its own weight excluded: see [`crate::support`].
-    fn mean_support_force(&self, dt: f64, body: f64, info: &WindowInfo) -> f64 {
+    /// Mean force on the payload over the window, N, its own weight excluded: see [`crate::support`].
+    fn mean_support_force(&self, dt: f64, body: Vec3, info: &WindowInfo) -> Vec3 {
         let held = || self.dynamics.mean_support_force(dt, info) + body * self.hung_mass;
         self.dynamics.mean_payload_force(dt, body).unwrap_or_else(held)
     }
 
-    /// Vertical force of the air on lines and a free payload in the last substep, N.
-    fn air_force(&self) -> f64 {
+    /// Force of the air on lines and a free payload in the last substep, N.
+    fn air_force(&self) -> Vec3 {
         let d = &self.dynamics;
         let payload = match (d.payload(), &d.current.body) {
-            (Some(p), Some(s)) => p.drag(s)[2],
-            _ => 0.0,
+            (Some(p), Some(s)) => p.drag(s),
+            _ => Vec3::zeros(),
         };
         if !d.system.feels_air() {
             return payload;
         }
         let x: Vec<f64> = d.system.model.reference.iter().zip(&d.current.u).map(|(x, u)| x + u).collect();
-        payload + d.system.comm().sum(d.system.air_force(&x)[2])
+        let mut lines: [f64; 3] = d.system.air_force(&x).into();
+        d.system.comm().sum_slice(&mut lines);
+        payload + Vec3::from(lines)
     }
 
     /// The answer where there is none: the shape that was accepted last. The coupler may ask for a

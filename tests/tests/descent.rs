@@ -163,3 +163,76 @@ fn settled_means_of_the_coarse_descent_are_reproduced() {
         );
     }
 }
+
+/// Options of a frame that moves in all directions, with tight tolerances.
+const FREE: [&str; 6] = [
+    "--set",
+    "descent.motion=three-dimensional",
+    "--set",
+    "coupling.tolerance=1e-6",
+    "--set",
+    "flow.solver.residual_drop=1e-6",
+];
+
+/// A frame that drifts with the wind sees what a frame in still air sees, and its payload the same forces: the motion
+/// relative to the wind is the same to the tolerances.
+#[test]
+fn motion_relative_to_the_wind_is_that_in_still_air() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = small(folder.path(), &[("duration_s = 0.1\n", "duration_s = 0.05\n")]);
+    // A push from one side, so that there is motion along all axes.
+    let gust = "stage.descent.gust={velocity_m_s=[1.0,0.4,0.0],start_s=0.0,duration_s=0.04}";
+    let run = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let options = [&["--quiet", "--set", gust], &FREE[..], more].concat();
+        succeed(ripstop_run(&file, &out, &options));
+        History::read(&out, "descent")
+    };
+    let still = run("still", &[]);
+    let drift = ["--set", "descent.initial_drift_m_s=[3.0,-1.0]", "--set", "flow.wind_m_s=[3.0,-1.0,0.0]"];
+    let carried = run("carried", &drift);
+    let (time, drag) = (still.column("time_s"), still.column("drag_n"));
+    let largest = |values: &[f64]| values.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+    let compare = |name: &str, shift: &dyn Fn(f64) -> f64, scale: f64| {
+        let (a, b) = (still.column(name), carried.column(name));
+        let error: Vec<f64> = (0..time.len()).map(|i| b[i] - shift(time[i]) - a[i]).collect();
+        eprintln!("{name}: {:.3e} of {:.3e}", largest(&error), largest(&a));
+        assert!(largest(&a) > 1e-4 * scale, "{name} vanishes: {a:?}");
+        assert!(largest(&error) < 1e-4 * scale, "{name}: {error:?}");
+    };
+    let none = |_: f64| 0.0;
+    for name in ["drag_n", "force_x_n", "force_y_n"] {
+        compare(name, &none, largest(&drag));
+    }
+    compare("descent_speed_m_s", &none, 4.0);
+    compare("frame_vx_m_s", &|_| 3.0, 1.0);
+    compare("frame_vy_m_s", &|_| -1.0, 1.0);
+    compare("frame_x_m", &|t| 3.0 * t, 0.05);
+    compare("frame_y_m", &|t| -t, 0.05);
+}
+
+/// In a side wind the momentum of canopy and payload changes by the impulse of the air in all axes, and no energy is added. A
+/// payload that is held sideways stays.
+#[test]
+fn momentum_is_balanced_in_a_side_wind() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = small(folder.path(), &[]);
+    let run = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let options = [&["--quiet", "--set", "flow.wind_m_s=[2.0,0.0,0.0]"], more].concat();
+        succeed(ripstop_run(&file, &out, &options));
+        History::read(&out, "descent")
+    };
+    let free = run("free", &FREE);
+    let [most, end, missing] = balance(&free);
+    assert!(missing < 0.01, "{missing}");
+    assert!(most < 0.02 && (-0.05..0.005).contains(&end), "{most} {end}");
+    let (speed, position) = (free.column("frame_vx_m_s"), free.column("frame_x_m"));
+    let last = free.len() - 1;
+    assert!(speed[last].abs() > 1e-3, "{speed:?}");
+    // The position is the integral of the velocity by the trapezoidal rule.
+    let path = 5e-3 * (speed.iter().sum::<f64>() - 0.5 * speed[last]);
+    assert!((position[last] / path - 1.0).abs() < 1e-6, "{} {path}", position[last]);
+    let held = run("held", &[]);
+    assert!(held.column("frame_vx_m_s").iter().all(|v| v.is_nan()));
+}

@@ -23,8 +23,9 @@ fn states_of_the_coupler() {
         displacement: (0..18).map(f64::from).collect(),
         load: Some(vec![2.0; 16]),
         load_before: Some(vec![1.5; 16]),
-        velocity: -4.0,
-        acceleration: 0.2,
+        velocity: [0.5, 0.0, -4.0],
+        acceleration: [0.0, 0.1, 0.2],
+        position: [1.0, 2.0, -30.0],
     };
     results::state::save(folder.path(), &state).expect("saved");
     let file = results::state::coupler_file(folder.path());
@@ -35,7 +36,11 @@ fn states_of_the_coupler() {
         let loads = [&state.load, &state.load_before].into_iter().flatten();
         assert!(loads.clone().all(|l| l.len() == 16), "loads of another canopy");
         let all = state.displacement.iter().chain(loads.flatten());
-        assert!(all.chain([&state.velocity, &state.acceleration]).all(|x| x.is_finite()), "NaN enters");
+        assert!(
+            all.chain([state.velocity, state.acceleration, state.position].as_flattened())
+                .all(|x| x.is_finite()),
+            "NaN enters"
+        );
         Ok(())
     };
     fuzz("coupler state", &[good], sealed, &mut read, "coupler.bin");

@@ -10,6 +10,7 @@ use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowLoop, WindowReport, pack, unpack};
+use mesh::geometry::Vec3;
 
 use super::{StageContext, Stepper};
 
@@ -60,8 +61,8 @@ impl<'a> Coupled<'a> {
         }
     }
 
-    /// Adds the last window, with initial `velocity` (m/s) and vertical force `before` (N), to the system balance.
-    fn add_to_balance(&mut self, report: &WindowReport, dt: f64, velocity: f64, before: Option<f64>) {
+    /// Adds the last window, with initial `velocity` (m/s) and force `before` (N), to the system balance.
+    fn add_to_balance(&mut self, report: &WindowReport, dt: f64, velocity: [f64; 3], before: Option<Vec3>) {
         // The energy of a payload that moves in the frame is in no statistic.
         let Some(model) = self.descent.filter(|d| d.weight != Weight::Body) else { return };
         let state = self.windows.state();
@@ -70,15 +71,15 @@ impl<'a> Coupled<'a> {
         if model.support_known && !self.rise_reported {
             self.rise = Limits::of(&model, state.acceleration, state.velocity, &forces).upward();
         }
-        let lines = if model.drag_in_structure { stats.values[structure_stats::AIR_FORCE] } else { 0.0 };
-        let end = self.interface.vertical_force(state.load.as_deref().unwrap_or(&[]), &state.displacement);
+        let lines = model.air_on_lines(stats);
+        let end = self.interface.force(state.load.as_deref().unwrap_or(&[]), &state.displacement);
         let terms = WindowTerms {
             dt,
-            velocity: [velocity, state.velocity],
+            velocity: [velocity.into(), state.velocity.into()],
             air: [before.unwrap_or(end) + lines, end + lines],
-            drag: model.payload_drag.map_or(0.0, |d| d.force(state.velocity)),
+            drag: model.payload_drag.map_or(Vec3::zeros(), |d| d.force(state.velocity.into())),
             support: model.support(&forces).0,
-            momentum: stats.values[structure_stats::VERTICAL_MOMENTUM],
+            momentum: Vec3::from_column_slice(&stats.values[structure_stats::MOMENTUM..][..3]),
             work: self.work.1,
             energy: [
                 stats.values[structure_stats::KINETIC_ENERGY],
@@ -101,7 +102,7 @@ impl Stepper for Coupled<'_> {
         let velocity = state.velocity;
         // The supports carry the load of a canopy that was fixed until now.
         let known = state.load.as_ref().filter(|_| !self.windows.released());
-        let before = known.map(|load| self.interface.vertical_force(load, &self.start));
+        let before = known.map(|load| self.interface.force(load, &self.start));
         self.windows.set_wind(self.wind.at(w.time + w.dt));
         let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();

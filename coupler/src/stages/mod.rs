@@ -23,6 +23,7 @@ use coupling::interface::CanopyInterface;
 use coupling::partners::Partners;
 use coupling::release::pressure_at_release;
 use coupling::schemes::{InterfaceState, WindowReport};
+use mesh::geometry::Vec3;
 use results::checkpoint;
 use results::summary::StageSummary;
 use terminal::Console;
@@ -164,13 +165,12 @@ impl StageContext<'_> {
 
     /// Quantities that select the remedy of an energy warning, after a window of `window_s` seconds.
     fn warning_context(&self, state: &InterfaceState, window_s: f64) -> EnergyWarningContext {
-        let wind = self.scene.resolved().wind_m_s;
-        let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
+        let stream = Vec3::from(self.scene.resolved().wind_m_s) - Vec3::from(state.velocity);
         EnergyWarningContext {
             staggered: self.scene.coupling.scheme == Scheme::Staggered,
             tolerance: self.scene.coupling.tolerance,
             window_s,
-            passage_s: self.interface.sizes.fabric_area.sqrt() / speed,
+            passage_s: self.interface.sizes.fabric_area.sqrt() / stream.norm(),
         }
     }
 

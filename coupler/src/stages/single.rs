@@ -65,7 +65,7 @@ impl<S: WindowSolver> SingleSolve<S> {
 
     /// A stage with flow around a canopy whose frame does not accelerate.
     pub fn in_flow(context: &StageContext<'_>, mut state: InterfaceState, solver: S) -> Self {
-        state.acceleration = 0.0;
+        state.acceleration = [0.0; 3];
         state.load.get_or_insert_default().resize(context.interface.faces.len() * LOAD_WIDTH, 0.0);
         Self::new(context, state, solver)
     }
@@ -80,7 +80,7 @@ impl<S: WindowSolver> Stepper for SingleSolve<S> {
     ) -> Result<WindowReport, RunError> {
         (w.iteration, self.solves) = (self.solves, self.solves + 1);
         // The frame does not accelerate.
-        w.frame_velocity = [0.0, 0.0, self.state.velocity];
+        w.frame_velocity = self.state.velocity;
         let mut report = WindowReport { iterations: 1, converged: true, ..WindowReport::default() };
         let (state, place) = (&mut self.state, &self.place);
         self.solver.solve(&mut WindowSolve { partners, window: &w, state, report: &mut report, place })?;

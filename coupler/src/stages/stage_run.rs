@@ -18,7 +18,7 @@ use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
 use coupling::structure_energy;
 use coupling::window_clock::WindowClock;
 use results::checkpoint::{self, Seal};
-use results::history::{History, Iterations, Points, Row};
+use results::history::{History, Iterations, Points, Row, Trajectory};
 use results::progress::Progress;
 use results::summary::StageSummary;
 use results::wake::{self, Sample};
@@ -54,12 +54,8 @@ impl Records {
     ) -> Result<Self, RunError> {
         let (rows, all) = (folder.join("history.csv"), folder.join("iterations.csv"));
         let coupled = kind == StageKind::Coupled;
-        let history = if resumed { History::resume(&rows, kind)? } else { History::create(&rows, kind)? };
-        let iterations = match (coupled, resumed) {
-            (false, _) => None,
-            (true, true) => Some(Iterations::resume(&all)?),
-            (true, false) => Some(Iterations::create(&all)?),
-        };
+        let history = History::open(&rows, kind, resumed)?;
+        let iterations = if coupled { Some(Iterations::open(&all, resumed)?) } else { None };
         let points = if kind.roles().contains(&Role::Structure) { points } else { &[] };
         let points = Points::open(&folder.join("points.csv"), points, resumed)?;
         Ok(Self { history, iterations, points })
@@ -412,6 +408,21 @@ impl<'c, 'p> StageRun<'c, 'p> {
         })
     }
 
+    /// Motion over ground at the end of a window; `None` where the frame moves vertically.
+    fn trajectory(&self) -> Option<Trajectory> {
+        let (context, scene) = (self.context, self.context.scene);
+        let state = self.stepper.state();
+        scene.frame_drifts().then(|| {
+            let wind = scene.wind(context.stage, &context.times());
+            let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), state.velocity);
+            Trajectory {
+                position_m: state.position,
+                velocity_m_s: state.velocity,
+                air_m_s: scene.shear().is_none().then_some(air),
+            }
+        })
+    }
+
     /// The history row of a window; adds the window to the interface energy balance.
     fn row(&mut self, window: &Window, report: WindowReport) -> Row {
         let wall_s = self.started.elapsed().as_secs_f64();
@@ -429,8 +440,9 @@ impl<'c, 'p> StageRun<'c, 'p> {
             window_s: window.dt,
             rejected: self.rejected,
             done: self.clock.planned(),
-            descent_speed_m_s: -state.velocity,
-            acceleration_m_s2: state.acceleration,
+            descent_speed_m_s: -state.velocity[2],
+            acceleration_m_s2: state.acceleration[2],
+            trajectory: self.trajectory(),
             drag_n,
             drag_coefficient: self.drag_coefficient(drag_n),
             wake: self.wake(window.dt, &report),
@@ -499,7 +511,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         // Iterations to a steady flow have no physical time: wall velocities change discontinuously.
         let dt = if stage.steady.is_some() { f64::MIN_POSITIVE } else { window.dt };
         let wind = context.scene.wind(context.stage, &context.times());
-        let air = flow_bounds::undisturbed_air(&wind, row.time_s, -row.descent_speed_m_s);
+        let air = flow_bounds::undisturbed_air(&wind, row.time_s, self.stepper.state().velocity);
         let displacement = [before, &self.stepper.state().displacement];
         let statistics = flow_bounds::flow_statistics(&row.report.stats);
         let place =

@@ -69,8 +69,7 @@ fn wind(scene: &Scene, stage: usize, times: &StageTimes) -> Option<Jump> {
     let wind = scene.wind(stage, times);
     let (end, start) = wind.start()?;
     let size = length(difference(start, end));
-    let fall = scene.resolved().initial_speed_m_s;
-    let stream = length([end[0], end[1], end[2] + fall]).max(SLOW);
+    let stream = length(difference(end, scene.resolved().initial_velocity_m_s)).max(SLOW);
     if size <= WIND_SHARE * stream {
         return None;
     }
@@ -309,16 +308,13 @@ impl Scene {
     /// Stages with the flow that is at rest when the canopy meets it: no earlier stage has developed it. The
     /// speed of the canopy through the air at the start of each, m/s.
     pub fn impulsive_starts(&self, times: &StageTimes) -> Vec<(usize, f64)> {
-        let fall = self.resolved().initial_speed_m_s;
+        let frame = self.resolved().initial_velocity_m_s;
         let starts = |k: &usize| {
             let kind = self.stages[*k].kind;
             matches!(kind, StageKind::Coupled | StageKind::Prescribed)
                 && self.source_stage(*k, Role::Flow).is_none()
         };
-        let speed = |k: usize| {
-            let w = self.wind(k, times).at(0.0);
-            length([w[0], w[1], w[2] + fall])
-        };
+        let speed = |k: usize| length(difference(self.wind(k, times).at(0.0), frame));
         (0..self.stages.len()).filter(starts).map(|k| (k, speed(k))).filter(|(_, v)| *v > 0.0).collect()
     }
 }

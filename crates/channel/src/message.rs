@@ -2,7 +2,7 @@
 
 /// Version of the contract. Bumped by every change to a header, a payload, a
 /// service name or the order of messages; see `docs/reference/contract.md`.
-pub const CONTRACT_VERSION: u32 = 4;
+pub const CONTRACT_VERSION: u32 = 5;
 
 /// One window of the run: from `time` to `time + dt`.
 ///
@@ -29,10 +29,10 @@ pub struct Window {
 }
 
 /// Number of [`Stats::values`].
-pub const STATS: usize = 32;
+pub const STATS: usize = 48;
 
 /// Statistics that a participant reports with each response, in addition to the payload.
-#[derive(Clone, Copy, Debug, PartialEq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Stats {
     /// Wall seconds that the rank computed the response.
@@ -40,6 +40,12 @@ pub struct Stats {
     /// Meaning by role: [`structure_stats`], [`flow_stats`], [`mesh_stats`].
     /// Global values, the same on each rank.
     pub values: [f64; STATS],
+}
+
+impl Default for Stats {
+    fn default() -> Self {
+        Self { busy_s: 0.0, values: [0.0; STATS] }
+    }
 }
 
 /// Indices into [`Stats::values`] of the structure.
@@ -71,9 +77,6 @@ pub mod structure_stats {
     pub const ASSEMBLY_S: usize = 11;
     /// Time of factorisations and Krylov solves, s.
     pub const LINEAR_S: usize = 12;
-    /// Vertical force of the air on lines and a payload that moves in the frame, N, upwards; read where the scene has
-    /// `lines.drag` or `descent.body`.
-    pub const AIR_FORCE: usize = 13;
     /// Vertical force in the risers at the payload, N, upwards on the payload.
     pub const RISER_FORCE: usize = 14;
     /// Volume under the canopy closed by its hem plane, m3 (0 if open shape).
@@ -98,14 +101,6 @@ pub mod structure_stats {
     /// Energy created relative to its limit. Above 1 the motion is an artefact of time integration, and the coupler
     /// rejects the window or ends the run.
     pub const ENERGY_EXCESS: usize = 23;
-    /// Mean over the window of the vertical force of the structure on the payload, or on its support, N, upwards, the
-    /// payload's own weight excluded: in balance with the impulse of the air and the change of `VERTICAL_MOMENTUM`.
-    /// With `descent.body` the force on the body, its drag included. The descent equation reads it from programs with
-    /// the effect `descent.equation`.
-    pub const SUPPORT_FORCE: usize = 24;
-    /// Vertical momentum of all nodes whose height is free, relative to the frame, at the end of the window, N s;
-    /// read as `SUPPORT_FORCE`.
-    pub const VERTICAL_MOMENTUM: usize = 25;
     /// Largest membrane force of the fabric at the end of the window, N for each metre of unstressed width: the larger principal value of the first
     /// Piola-Kirchhoff stress times the thickness, the force that a strip test measures. 0: no tension, or not reported.
     pub const MAX_MEMBRANE_FORCE: usize = 26;
@@ -119,6 +114,17 @@ pub mod structure_stats {
     pub const MAX_VENT_TAPE_TENSION: usize = 30;
     /// Largest tension of one tape of the grid, N, as `MAX_HEM_TAPE_TENSION`: that of an element over the tapes that it stands for.
     pub const MAX_GRID_TAPE_TENSION: usize = 31;
+    /// Mean over the window of the force of the structure on the payload, or on its support, N: x, y, z at 32, 33, 34. The
+    /// payload's own weight is excluded: in balance with the impulse of the air and the change of `MOMENTUM`.
+    /// With `descent.body` the force on the body, its drag included. The descent equation reads its vertical part from
+    /// programs with the effect `descent.equation`, all of it from those with the effect `descent.motion`.
+    pub const SUPPORT_FORCE: usize = 32;
+    /// Momentum of all free components of nodes, relative to the frame, at the end of the window, N s: 35, 36, 37; read
+    /// as `SUPPORT_FORCE`.
+    pub const MOMENTUM: usize = 35;
+    /// Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has
+    /// `lines.drag` or `descent.body`.
+    pub const AIR_FORCE: usize = 38;
 }
 
 /// Indices into [`Stats::values`] of the flow.

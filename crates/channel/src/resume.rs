@@ -9,8 +9,11 @@ use serde::de::DeserializeOwned;
 /// files that it wrote there on `Save`.
 pub const RESUME: &str = "resume";
 
-/// Effect of a structure that reports `SUPPORT_FORCE` and `VERTICAL_MOMENTUM`.
+/// Effect of a structure that reports the vertical parts of `SUPPORT_FORCE` and `MOMENTUM`.
 pub const SUPPORT_FORCE: &str = "descent.equation";
+
+/// Effect of a structure that reports `SUPPORT_FORCE` and `MOMENTUM` in all three axes: a frame may move sideways.
+pub const FRAME_MOTION: &str = "descent.motion";
 
 /// Effect of a program that uses the wind of a stage as `case::Scene::wind` defines it: winds and gusts of single
 /// stages, and gusts whose time runs through several stages.

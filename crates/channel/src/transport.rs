@@ -30,8 +30,8 @@ unsafe impl ZeroCopySend for Header {
 }
 
 /// Name of the header's type in the transport, in any language.
-pub(crate) const HEADER_TYPE: &str = "ripstop.Header.v4";
-const _: () = assert!(CONTRACT_VERSION == 4, "HEADER_TYPE must follow CONTRACT_VERSION");
+pub(crate) const HEADER_TYPE: &str = "ripstop.Header.v5";
+const _: () = assert!(CONTRACT_VERSION == 5, "HEADER_TYPE must follow CONTRACT_VERSION");
 
 /// A process's (or, in tests, thread's) connection to a session.
 pub(crate) struct Connection {

@@ -261,7 +261,7 @@ pub const CHECKS: &[Check] = &[
         range: "warning beyond 5 %, and beyond 1 % of the impulse of the weight, after 20 windows",
         source: "momentum of the structure; the two are means of one load over a window on slightly different shapes",
         severity: Warning,
-        remedy: "check SUPPORT_FORCE and VERTICAL_MOMENTUM of a replaced structure, or shorten window_s",
+        remedy: "check SUPPORT_FORCE and MOMENTUM of a replaced structure, or shorten window_s",
         when: When::During(&["coupler"]),
     },
 ];

@@ -5,6 +5,8 @@ use channel::LOAD_WIDTH;
 
 use crate::descent::DescentModel;
 use crate::floors::{SHAPE_FLOOR, load_floor, load_scale, speed_floor};
+use crate::frame_axes::FrameAxes;
+use crate::geometry::Vec3;
 use crate::interface::CanopyInterface;
 use crate::schemes::{
     AddedMassRelaxation, AddedMassSurrogate, Air, Criterion, Field, InterfaceState, JacobiRelaxation,
@@ -35,7 +37,8 @@ impl CoupledStage<'_> {
         let (interface, mut lines) = (self.interface, Vec::new());
         let coupling =
             &Coupling { load_interpolation: Some(self.scene.load_shape()), ..self.scene.coupling.clone() };
-        let motion = Unknowns::new(interface.nodes(), self.window_s(), self.descent.is_some());
+        let axes = self.descent.map_or(FrameAxes::None, |d| d.axes);
+        let motion = Unknowns::new(interface.nodes(), self.window_s(), axes);
         let mut fields = self.fields(&state, motion);
         let unknowns = self.with_loads(motion, &mut fields);
         let criterion = Criterion::new(fields, coupling.tolerance);
@@ -68,8 +71,7 @@ impl CoupledStage<'_> {
     /// Fields of the criterion: the shape, and the descent speed where there is one.
     fn fields(&self, state: &InterfaceState, motion: Unknowns) -> Vec<Field> {
         let (scene, interface, dt) = (self.scene, self.interface, self.window_s());
-        let wind = self.wind_m_s;
-        let speed = (wind[0] * wind[0] + wind[1] * wind[1] + (wind[2] - state.velocity).powi(2)).sqrt();
+        let speed = (Vec3::from(self.wind_m_s) - Vec3::from(state.velocity)).norm();
         let moved = motion.displacements();
         let root = (interface.nodes() as f64).sqrt();
         let pressure = load_scale(scene, self.stage, interface, state, speed);
@@ -77,7 +79,7 @@ impl CoupledStage<'_> {
         let mut fields = vec![Field { load, ..Field::new(0..moved, SHAPE_FLOOR * speed * dt * root) }];
         if self.descent.is_some() {
             let floor = speed_floor(scene, interface, pressure, dt) * motion.velocity_scale();
-            fields.push(Field::new(moved..moved + 1, floor));
+            fields.push(Field::new(motion.velocities(), floor));
         }
         fields
     }

@@ -142,7 +142,7 @@ impl Convergence {
     /// `tolerance` is that of the coupling.
     pub fn add(&mut self, place: &Location, report: &WindowReport, tolerance: f64) -> Vec<String> {
         let index = place.window.map_or(0, |(index, _)| index);
-        let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
+        let sum = |role: Role, at: usize| report.sums[role as usize].values[at] as u64;
         self.structure_solves += sum(Role::Structure, structure_stats::UNCONVERGED);
         self.flow_solves += sum(Role::Flow, flow_stats::UNCONVERGED);
         let mut warnings = Vec::new();
@@ -293,7 +293,7 @@ mod tests {
         values[flow_stats::RESIDUAL_END] = 2e-4 * flow;
         values[flow_stats::RESIDUAL_TARGET] = 2e-4;
         values[flow_stats::ITERATIONS] = 60.0;
-        report.sums[Role::Flow as usize][flow_stats::UNCONVERGED] = 3.0;
+        report.sums[Role::Flow as usize].values[flow_stats::UNCONVERGED] = 3.0;
         report
     }
 

@@ -1,35 +1,44 @@
-//! The falling frame: one degree of freedom.
+//! The frame: one degree of freedom, or three.
 //!
-//! The frame is fixed to the payload. Its equation is the momentum of the whole system over a window of length $`T`$,
-//! with $`v`$ the vertical velocity of the frame (positive up, so the descent speed is $`-v`$):
+//! The frame is fixed to the payload and does not rotate. Its equation is the momentum of the whole system over a window of
+//! length $`T`$, with $`\mathbf v`$ the velocity of the frame (z upwards, so the descent speed is $`-v_z`$) and
+//! $`\mathbf g`$ the acceleration of gravity, $`(0, 0, -g)`$:
 //!
 //! ```math
-//! m\,(v^{n+1} - v^n) = (\bar S + D - m g)\,T, \qquad \bar S\,T = \int F\,dt - \Delta p .
+//! m\,(\mathbf v^{n+1} - \mathbf v^n) = (\bar{\mathbf S} + \mathbf D + m \mathbf g)\,T, \qquad
+//! \bar{\mathbf S}\,T = \int \mathbf F\,dt - \Delta \mathbf p .
 //! ```
 //!
-//! $`m`$ is the mass of payload, fabric, lines and points; $`F`$ the external force on fabric and lines, $`p`$ their
-//! momentum relative to the frame, $`D`$ the drag of a payload that is a point. The added mass of the air is part of
-//! the resolved flow and is not added here. The structure reports the mean force $`\bar R`$ on the payload
-//! ([`structure_stats::SUPPORT_FORCE`]):
+//! It is solved in the axes in which the frame moves (`descent.motion`): the vertical one, in which case the payload is held
+//! sideways, or all three. The frame does not rotate: a payload that does is a body of the structure in it, and canopy and
+//! grid turn in it.
+//!
+//! $`m`$ is the mass of payload, fabric, lines and points; $`\mathbf F`$ the external force on fabric and lines,
+//! $`\mathbf p`$ their momentum relative to the frame, $`\mathbf D`$ the drag of a payload that is a point. The added mass
+//! of the air is part of the resolved flow and is not added here. The structure reports the mean force $`\bar{\mathbf R}`$
+//! on the payload ([`structure_stats::SUPPORT_FORCE`]):
 //!
 //! - Where weight and inertia of the frame act on the structure (`[fabric_gravity]`),
-//!   $`\bar S = \bar R + m_s (g + \dot v)`$ with $`m_s`$ the mass without the payload: the equation is
-//!   $`m_p \dot v = \bar R + D - m_p g`$. Of its two forms, the one used needs only the share $`m_s/m < 1`$ of the
-//!   acceleration that the structure was given.
-//! - Elsewhere $`\bar S = \bar R`$: fabric and lines have no weight in the structure's equations, so the whole mass is
-//!   the frame's.
+//!   $`\bar{\mathbf S} = \bar{\mathbf R} + m_s (\dot{\mathbf v} - \mathbf g)`$ with $`m_s`$ the mass without the
+//!   payload: the equation is $`m_p \dot{\mathbf v} = \bar{\mathbf R} + \mathbf D + m_p \mathbf g`$. Of its two forms,
+//!   the one used needs only the share $`m_s/m < 1`$ of the acceleration that the structure was given.
+//! - Elsewhere $`\bar{\mathbf S} = \bar{\mathbf R}`$: fabric and lines have no weight in the structure's equations, so
+//!   the whole mass is the frame's.
 //! - A payload with six degrees of freedom has all weight and inertia in the structure's equations: the frame
-//!   follows its centre of mass, $`m_p \dot v = \bar R - m_p g`$ with its drag in $`\bar R`$.
+//!   follows its centre of mass, $`m_p \dot{\mathbf v} = \bar{\mathbf R} + m_p \mathbf g`$ with its drag in
+//!   $`\bar{\mathbf R}`$. In axes in which the frame does not move, the body moves in the frame.
 //!
 //! The mean is that of the impulse, so the momentum of the system changes by the external impulse to round-off.
 //!
-//! The paper's equation 9 takes $`F`$ at the end of the window for $`\bar S`$ (`descent.equation = "quasi-steady"`):
+//! The paper's equation 9 takes $`\mathbf F`$ at the end of the window for $`\bar{\mathbf S}`$ (`descent.equation = "quasi-steady"`):
 //! the limit in which the canopy has no acceleration relative to the frame. (The second line of equation 9 in print
 //! repeats the acceleration on its left side; this is the implicit Euler step that it means.)
 
-use case::{DescentEquation, Scene};
+use case::{DescentEquation, FrameMotion, Scene};
 use channel::{Stats, structure_stats};
 
+use crate::frame_axes::FrameAxes;
+use crate::geometry::Vec3;
 use crate::interface::CanopyInterface;
 
 /// Masses, gravity, and the reference values of the drag coefficient.
@@ -43,6 +52,8 @@ pub struct DescentModel {
     pub equation: DescentEquation,
     /// Where weight and inertia of the frame act.
     pub weight: Weight,
+    /// Axes in which the frame moves.
+    pub axes: FrameAxes,
     /// Acceleration of gravity, m/s2.
     pub gravity_m_s2: f64,
     /// Area of the drag coefficient, m2.
@@ -70,15 +81,15 @@ pub enum Weight {
     Body,
 }
 
-/// Vertical forces of a window in the equation of the frame.
+/// Forces of a window in the equation of the frame.
 #[derive(Clone, Copy, Debug)]
 pub struct WindowForces<'a> {
     /// Force of the air on the canopy at the end of the window, N.
-    pub canopy: f64,
+    pub canopy: Vec3,
     /// Statistics of the structure's last solve.
     pub structure: &'a Stats,
     /// Mean acceleration of the frame in that solve, m/s2.
-    pub frame_acceleration: f64,
+    pub frame_acceleration: Vec3,
 }
 
 /// Drag of the air on the payload, `1/2 rho (C A) |w| w`.
@@ -91,16 +102,24 @@ pub struct PayloadDrag {
 }
 
 impl PayloadDrag {
-    /// Vertical drag at the vertical velocity `v` (m/s), N.
-    pub fn force(&self, v: f64) -> f64 {
-        let [x, y, z] = self.wind_m_s;
-        let w = z - v;
-        self.half_density_area * (x * x + y * y + w * w).sqrt() * w
+    /// Drag at the velocity `v` (m/s), N.
+    pub fn force(&self, v: Vec3) -> Vec3 {
+        let w = Vec3::from(self.wind_m_s) - v;
+        w * (self.half_density_area * w.norm())
     }
 
     /// Velocity at the end of a step (m/s) that without this drag would be `free`, for a mass `m` (kg): the drag is
-    /// evaluated at the end of the step, like all forces of the descent.
-    fn slowed(&self, free: f64, m: f64, dt: f64) -> f64 {
+    /// evaluated at the end of the step, like all forces of the descent. The relative wind $`\mathbf w`$ is parallel to
+    /// the one without drag, and its size $`s`$ solves $`s + c s^2 = |\mathbf w_{free}|`$.
+    fn slowed(&self, free: Vec3, m: f64, dt: f64) -> Vec3 {
+        let wind = Vec3::from(self.wind_m_s);
+        let relative = wind - free;
+        let c = self.half_density_area * dt / m;
+        wind - relative * (2.0 / (1.0 + (1.0 + 4.0 * c * relative.norm()).sqrt()))
+    }
+
+    /// The same where only the vertical velocity changes.
+    fn slowed_vertically(&self, free: f64, m: f64, dt: f64) -> f64 {
         let [x, y, z] = self.wind_m_s;
         let c = self.half_density_area * dt / m;
         let goal = z - free;
@@ -129,6 +148,10 @@ impl DescentModel {
             mass_kg: d.payload_mass_kg + interface.masses.suspended(),
             payload_kg: d.payload_mass_kg,
             equation: d.equation,
+            axes: match d.frame_motion() {
+                FrameMotion::Vertical => FrameAxes::Vertical,
+                FrameMotion::ThreeDimensional => FrameAxes::All,
+            },
             weight: match (&d.body, &scene.fabric_gravity) {
                 (Some(_), _) => Weight::Body,
                 (None, Some(_)) => Weight::Structure,
@@ -147,55 +170,56 @@ impl DescentModel {
         })
     }
 
-    /// Vertical acceleration of the frame, m/s2, under the vertical force of the air `force_z` (N, positive up).
-    pub fn acceleration(&self, force_z: f64) -> f64 {
-        force_z / self.mass_kg - self.gravity_m_s2
+    /// Acceleration of gravity as a vector, m/s2.
+    fn gravity(&self) -> Vec3 {
+        Vec3::new(0.0, 0.0, -self.gravity_m_s2)
     }
 
-    /// Vertical velocity at the end of a window of `dt` seconds that started with `velocity`.
-    pub fn end_velocity(&self, velocity: f64, forces: &WindowForces<'_>, dt: f64) -> f64 {
-        match self.equation {
-            DescentEquation::QuasiSteady => {
-                self.step(velocity, self.force(forces.canopy, forces.structure), dt)
-            }
-            DescentEquation::Momentum => {
-                let (force, mass) = self.support(forces);
-                self.step_of(velocity, force, mass, dt)
-            }
-        }
+    /// Velocity of the frame at the end of a window of `dt` seconds that started with `velocity`, m/s.
+    pub fn end_velocity(&self, velocity: [f64; 3], forces: &WindowForces<'_>, dt: f64) -> [f64; 3] {
+        let (force, mass) = match self.equation {
+            DescentEquation::QuasiSteady => (self.force(forces.canopy, forces.structure), self.mass_kg),
+            DescentEquation::Momentum => self.support(forces),
+        };
+        self.step(velocity, force, mass, dt)
     }
 
     /// Force (N) and mass (kg) of the frame in the momentum equation.
-    pub fn support(&self, forces: &WindowForces<'_>) -> (f64, f64) {
-        let support = forces.structure.values[structure_stats::SUPPORT_FORCE];
+    pub fn support(&self, forces: &WindowForces<'_>) -> (Vec3, f64) {
+        let support = vector(forces.structure, structure_stats::SUPPORT_FORCE);
         match self.weight {
             Weight::Frame => (support, self.mass_kg),
             Weight::Structure => {
                 let suspended = self.mass_kg - self.payload_kg;
-                (support + suspended * (self.gravity_m_s2 + forces.frame_acceleration), self.mass_kg)
+                (support + (forces.frame_acceleration - self.gravity()) * suspended, self.mass_kg)
             }
             Weight::Body => (support, self.payload_kg),
         }
     }
 
-    /// Vertical velocity at the end of a window of `dt` seconds that started
-    /// with `velocity`, under a force on the whole mass.
-    pub fn step(&self, velocity: f64, force_z: f64, dt: f64) -> f64 {
-        self.step_of(velocity, force_z, self.mass_kg, dt)
+    /// Velocity (m/s) at the end of a window of `dt` seconds that started with `velocity`, under a `force` (N) on a `mass`
+    /// (kg). In axes in which the frame does not move it stays.
+    pub fn step(&self, velocity: [f64; 3], force: Vec3, mass: f64, dt: f64) -> [f64; 3] {
+        let start = Vec3::from(velocity);
+        let free = start + (force / mass + self.gravity()) * dt;
+        let end = match (&self.payload_drag, self.axes) {
+            (None, _) => free,
+            (Some(drag), FrameAxes::All) => drag.slowed(free, mass, dt),
+            (Some(drag), _) => Vec3::z() * drag.slowed_vertically(free[2], mass, dt),
+        };
+        let moves = self.axes.range();
+        std::array::from_fn(|i| if moves.contains(&i) { end[i] } else { start[i] })
     }
 
-    fn step_of(&self, velocity: f64, force_z: f64, mass: f64, dt: f64) -> f64 {
-        let free = velocity + dt * (force_z / mass - self.gravity_m_s2);
-        match &self.payload_drag {
-            None => free,
-            Some(drag) => drag.slowed(free, mass, dt),
-        }
+    /// Force of the air on the falling system, N: `canopy` on the canopy, plus that on lines and a moving payload as the
+    /// structure reports it.
+    pub fn force(&self, canopy: Vec3, structure: &Stats) -> Vec3 {
+        canopy + self.air_on_lines(structure)
     }
 
-    /// Vertical force of the air on the falling system, N: `canopy` on the canopy, plus that on lines and a moving
-    /// payload as the structure reports it.
-    pub fn force(&self, canopy: f64, structure: &Stats) -> f64 {
-        if self.drag_in_structure { canopy + structure.values[structure_stats::AIR_FORCE] } else { canopy }
+    /// Force of the air on lines and a moving payload, N.
+    pub fn air_on_lines(&self, structure: &Stats) -> Vec3 {
+        if self.drag_in_structure { vector(structure, structure_stats::AIR_FORCE) } else { Vec3::zeros() }
     }
 
     /// Drag coefficient on the reference area and the *initial* speed, as in the paper; `None` where that is zero.
@@ -209,6 +233,11 @@ impl DescentModel {
     }
 }
 
+/// A statistic of three numbers from index `at` on.
+pub(crate) fn vector(stats: &Stats, at: usize) -> Vec3 {
+    Vec3::from_column_slice(&stats.values[at..at + 3])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -218,6 +247,7 @@ mod tests {
         payload_kg: 100.6975,
         equation: DescentEquation::QuasiSteady,
         weight: Weight::Frame,
+        axes: FrameAxes::Vertical,
         gravity_m_s2: 9.80665,
         reference_area_m2: 41.3614,
         reference_speed_m_s: 4.8768,
@@ -226,6 +256,11 @@ mod tests {
         drag_in_structure: false,
         support_known: true,
     };
+
+    /// Velocity (m/s) after a step of `dt` (s) under a vertical force (N) on the whole mass, from a vertical one.
+    fn fall(model: &DescentModel, velocity: f64, force: f64, dt: f64) -> f64 {
+        model.step([0.0, 0.0, velocity], Vec3::new(0.0, 0.0, force), model.mass_kg, dt)[2]
+    }
 
     /// A sphere in free fall: terminal speed sqrt(2 m g / (rho C A)). It drifts with the wind; across the wind its
     /// drag grows with the whole relative speed.
@@ -239,18 +274,18 @@ mod tests {
         let drag = PayloadDrag { half_density_area: 0.5 * 1.225 * 0.8, wind_m_s: [0.0; 3] };
         let model = DescentModel { payload_drag: Some(drag), ..ATPS };
         let mut v = 0.0;
-        (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
+        (0..4000).for_each(|_| v = fall(&model, v, 0.0, 0.05));
         let terminal = (ATPS.mass_kg * ATPS.gravity_m_s2 / drag.half_density_area).sqrt();
         assert!((v / -terminal - 1.0).abs() < 1e-12, "{v} {terminal}");
         // Rising in an updraught that is faster than the terminal speed.
         let up = PayloadDrag { wind_m_s: [0.0, 0.0, 2.0 * terminal], ..drag };
         let model = DescentModel { payload_drag: Some(up), ..ATPS };
-        (0..4000).for_each(|_| v = model.step(v, 0.0, 0.05));
+        (0..4000).for_each(|_| v = fall(&model, v, 0.0, 0.05));
         assert!((v / terminal - 1.0).abs() < 1e-12, "{v}");
         let across = PayloadDrag { wind_m_s: [30.0, 0.0, 0.0], ..drag };
         let model = DescentModel { payload_drag: Some(across), ..ATPS };
         let mut w = 0.0;
-        (0..4000).for_each(|_| w = model.step(w, 0.0, 0.05));
+        (0..4000).for_each(|_| w = fall(&model, w, 0.0, 0.05));
         let force = drag.half_density_area * (w * w + 900.0).sqrt() * -w;
         assert!((force / (ATPS.mass_kg * ATPS.gravity_m_s2) - 1.0).abs() < 1e-10, "{w}");
     }
@@ -258,40 +293,65 @@ mod tests {
     #[test]
     fn drag_of_lines_is_taken_from_the_structure_statistics() {
         let mut stats = Stats::default();
-        stats.values[structure_stats::AIR_FORCE] = 12.5;
-        assert_eq!(ATPS.force(100.0, &stats), 100.0);
-        assert_eq!(DescentModel { drag_in_structure: true, ..ATPS }.force(100.0, &stats), 112.5);
+        stats.values[structure_stats::AIR_FORCE..][..3].copy_from_slice(&[1.0, -2.0, 12.5]);
+        let canopy = Vec3::new(3.0, 4.0, 100.0);
+        assert_eq!(ATPS.force(canopy, &stats), canopy);
+        let model = DescentModel { drag_in_structure: true, ..ATPS };
+        assert_eq!(model.force(canopy, &stats), Vec3::new(4.0, 2.0, 112.5));
     }
 
     /// Force and mass of the frame with weight and inertia in the frame, in the structure and in a body.
     #[test]
     fn frame_force_and_mass_match_the_weight_model() {
         let mut structure = Stats::default();
-        structure.values[structure_stats::SUPPORT_FORCE] = 100.0;
-        let forces = WindowForces { canopy: 700.0, structure: &structure, frame_acceleration: -2.0 };
+        let at = structure_stats::SUPPORT_FORCE;
+        structure.values[at..at + 3].copy_from_slice(&[30.0, -20.0, 100.0]);
+        let support = Vec3::new(30.0, -20.0, 100.0);
+        let canopy = Vec3::new(50.0, 0.0, 700.0);
+        let forces =
+            WindowForces { canopy, structure: &structure, frame_acceleration: Vec3::new(0.5, 0.0, -2.0) };
         let of = |weight| DescentModel { weight, equation: DescentEquation::Momentum, ..ATPS };
-        assert_eq!(of(Weight::Frame).support(&forces), (100.0, 106.614));
-        assert_eq!(of(Weight::Body).support(&forces), (100.0, 100.6975));
-        // 5.9165 kg of fabric and lines in a frame that takes 2 m/s2 off gravity.
+        assert_eq!(of(Weight::Frame).support(&forces), (support, 106.614));
+        assert_eq!(of(Weight::Body).support(&forces), (support, 100.6975));
+        // 5.9165 kg of fabric and lines in a frame that takes 2 m/s2 off gravity and accelerates along x.
         let (force, mass) = of(Weight::Structure).support(&forces);
-        assert!((force - (100.0 + 5.9165 * 7.80665)).abs() < 1e-9 && mass == 106.614, "{force}");
-        let end = of(Weight::Body).end_velocity(-4.0, &forces, 0.5);
-        assert!((end - (-4.0 + 0.5 * (100.0 / 100.6975 - 9.80665))).abs() < 1e-12, "{end}");
-        let paper = ATPS.end_velocity(-4.0, &forces, 0.5);
-        assert!((paper - (-4.0 + 0.5 * (700.0 / 106.614 - 9.80665))).abs() < 1e-12, "{paper}");
+        let expected = support + Vec3::new(0.5, 0.0, 7.80665) * 5.9165;
+        assert!((force - expected).norm() < 1e-9 && mass == 106.614, "{force}");
+        let start = [1.0, 2.0, -4.0];
+        let end = of(Weight::Body).end_velocity(start, &forces, 0.5);
+        assert!((end[2] - (-4.0 + 0.5 * (100.0 / 100.6975 - 9.80665))).abs() < 1e-12, "{end:?}");
+        assert_eq!(end[..2], start[..2], "it is held sideways");
+        let free = DescentModel { axes: FrameAxes::All, ..of(Weight::Body) };
+        let end = free.end_velocity(start, &forces, 0.5);
+        let sideways = [1.0 + 0.5 * 30.0 / 100.6975, 2.0 - 0.5 * 20.0 / 100.6975];
+        assert!((0..2).all(|i| (end[i] - sideways[i]).abs() < 1e-12), "{end:?}");
+        let paper = ATPS.end_velocity(start, &forces, 0.5);
+        assert!((paper[2] - (-4.0 + 0.5 * (700.0 / 106.614 - 9.80665))).abs() < 1e-12, "{paper:?}");
+    }
+
+    /// A payload in the wind, free in all axes: it drifts with the wind and falls at its terminal speed.
+    #[test]
+    fn free_payload_drifts_with_the_wind() {
+        let drag = PayloadDrag { half_density_area: 0.49, wind_m_s: [6.0, -2.0, 0.0] };
+        let model = DescentModel { payload_drag: Some(drag), axes: FrameAxes::All, ..ATPS };
+        let mut v = [0.0; 3];
+        (0..8000).for_each(|_| v = model.step(v, Vec3::zeros(), model.mass_kg, 0.05));
+        let terminal = (ATPS.mass_kg * ATPS.gravity_m_s2 / drag.half_density_area).sqrt();
+        let error = Vec3::from(v) - Vec3::new(6.0, -2.0, -terminal);
+        assert!(error.norm() < 1e-9 * terminal, "{v:?}");
     }
 
     #[test]
     fn drag_equals_weight_at_the_published_coefficient() {
         // Paper: drag equals weight at 4.8768 m/s for Cd 1.735 on 41.3614 m2.
         let weight = ATPS.mass_kg * ATPS.gravity_m_s2;
-        assert_eq!(ATPS.acceleration(weight), 0.0);
+        assert_eq!(fall(&ATPS, -4.8768, weight, 1.0), -4.8768);
         assert!((ATPS.drag_coefficient(weight).expect("a speed") - 1.735).abs() < 5e-4);
     }
 
     #[test]
     fn free_fall_without_air_accelerates_by_gravity() {
-        let v = ATPS.step(-4.0, 0.0, 0.1);
+        let v = fall(&ATPS, -4.0, 0.0, 0.1);
         assert!((v + 4.0 + 0.980665).abs() < 1e-12);
     }
 
@@ -308,7 +368,7 @@ mod tests {
                 let (mut low, mut high) = (-2.0 * terminal, 0.0);
                 for _ in 0..80 {
                     let guess = 0.5 * (low + high);
-                    if ATPS.step(v, k * guess * guess, dt) < guess { high = guess } else { low = guess }
+                    if fall(&ATPS, v, k * guess * guess, dt) < guess { high = guess } else { low = guess }
                 }
                 v = 0.5 * (low + high);
             }
@@ -325,13 +385,17 @@ mod tests {
             let drag = PayloadDrag { half_density_area: 0.7, wind_m_s: wind };
             for (free, dt) in [(-12.0, 0.1), (4.0, 2.0), (-3.0, 10.0)] {
                 let mass = 5.0;
-                let v = drag.slowed(free, mass, dt);
+                let v = drag.slowed_vertically(free, mass, dt);
                 let w = [wind[0], wind[1], wind[2] - v];
                 let force = 0.7 * w.iter().map(|w| w * w).sum::<f64>().sqrt() * w[2];
                 assert!(
                     (mass * (v - free) / dt - force).abs() < 1e-12 * force.abs().max(1.0),
                     "{wind:?} {v}"
                 );
+                let free = Vec3::new(0.5 * free, -free, free);
+                let v = drag.slowed(free, mass, dt);
+                let error = (v - free) * (mass / dt) - drag.force(v);
+                assert!(error.norm() < 1e-12 * drag.force(v).norm().max(1.0), "{wind:?} {v}");
             }
         }
     }

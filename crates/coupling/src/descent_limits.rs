@@ -1,4 +1,4 @@
-//! Physical bounds on the acceleration of the frame.
+//! Physical bounds on the vertical acceleration of the frame.
 //!
 //! Lines, weight and drag are the only forces on the payload. A frame that accelerates downwards by more than gravity
 //! and the measured downward forces allow, or upwards by more than the measured line force allows, follows a force
@@ -27,13 +27,18 @@ pub struct Limits {
 
 impl Limits {
     /// For a window in which the frame of `model` accelerated by `acceleration` (m/s2) to `velocity` (m/s).
-    pub fn of(model: &DescentModel, acceleration: f64, velocity: f64, forces: &WindowForces<'_>) -> Self {
+    pub fn of(
+        model: &DescentModel,
+        acceleration: [f64; 3],
+        velocity: [f64; 3],
+        forces: &WindowForces<'_>,
+    ) -> Self {
         let (support, mass) = model.support(forces);
         Self {
-            acceleration,
-            support,
-            drag: model.payload_drag.map_or(0.0, |d| d.force(velocity)),
-            canopy: forces.canopy,
+            acceleration: acceleration[2],
+            support: support[2],
+            drag: model.payload_drag.map_or(0.0, |d| d.force(velocity.into())[2]),
+            canopy: forces.canopy[2],
             mass,
             gravity: model.gravity_m_s2,
         }
@@ -76,6 +81,8 @@ mod tests {
     use channel::{Stats, structure_stats};
 
     use crate::descent::{PayloadDrag, Weight};
+    use crate::frame_axes::FrameAxes;
+    use crate::geometry::Vec3;
 
     /// The ATPS released at 20 m/s with the paper's equation.
     fn limits(acceleration: f64, support: f64, canopy: f64, payload_drag: Option<PayloadDrag>) -> Limits {
@@ -84,6 +91,7 @@ mod tests {
             payload_kg: 100.6975,
             equation: DescentEquation::QuasiSteady,
             weight: Weight::Frame,
+            axes: FrameAxes::Vertical,
             gravity_m_s2: 9.80665,
             reference_area_m2: 41.3614,
             reference_speed_m_s: 20.0,
@@ -93,9 +101,10 @@ mod tests {
             support_known: true,
         };
         let mut structure = Stats::default();
-        structure.values[structure_stats::SUPPORT_FORCE] = support;
-        let forces = WindowForces { canopy, structure: &structure, frame_acceleration: 0.0 };
-        Limits::of(&model, acceleration, -20.0, &forces)
+        structure.values[structure_stats::SUPPORT_FORCE + 2] = support;
+        let canopy = Vec3::new(0.0, 0.0, canopy);
+        let forces = WindowForces { canopy, structure: &structure, frame_acceleration: Vec3::zeros() };
+        Limits::of(&model, [0.0, 0.0, acceleration], [0.0, 0.0, -20.0], &forces)
     }
 
     #[test]

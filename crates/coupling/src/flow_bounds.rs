@@ -121,10 +121,9 @@ impl FlowBounds {
 }
 
 /// Velocity of the undisturbed air in the falling frame at time `t` (s) of a stage, m/s.
-pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: f64) -> [f64; 3] {
+pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: [f64; 3]) -> [f64; 3] {
     let wind = wind.at(t);
-    let frame = [0.0, 0.0, frame_velocity];
-    std::array::from_fn(|i| wind[i] - frame[i])
+    std::array::from_fn(|i| wind[i] - frame_velocity[i])
 }
 
 /// Statistics of the flow in a window.

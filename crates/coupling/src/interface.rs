@@ -138,12 +138,10 @@ impl CanopyInterface {
         self.coords.len()
     }
 
-    /// Vertical force (N) of `load` (`[faces][LOAD_WIDTH]`, Pa) on the shape with `displacement` (`[nodes][3]`, m).
-    pub fn vertical_force(&self, load: &[f64], displacement: &[f64]) -> f64 {
+    /// Force (N) of `load` (`[faces][LOAD_WIDTH]`, Pa) on the shape with `displacement` (`[nodes][3]`, m).
+    pub fn force(&self, load: &[f64], displacement: &[f64]) -> Vec3 {
         let faces = self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH));
-        faces
-            .map(|(face, load)| face_force(&quad_area_vector(self.corners(face, displacement)), load)[2])
-            .sum()
+        faces.map(|(face, load)| face_force(&quad_area_vector(self.corners(face, displacement)), load)).sum()
     }
 
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
@@ -227,7 +225,7 @@ fn wall_shares(x: &[Vec3; 4]) -> [Vec3; 4] {
 
 /// Position of the payload: of the only node off the canopy that is held in all directions, or the mean of such nodes that are its attachments.
 fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
-    if scene.payload_body().is_some() {
+    if scene.payload_body().is_some() && !scene.frame_drifts() {
         return None;
     }
     let held = mesh.fixed.iter().filter(|(n, c)| *n as usize >= mesh.n_canopy && *c == [true; 3]);

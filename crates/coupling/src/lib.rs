@@ -16,6 +16,7 @@ pub mod energy_limit;
 pub mod error;
 mod floors;
 pub mod flow_bounds;
+pub mod frame_axes;
 mod geometry;
 mod impossible_flow;
 pub mod interface;

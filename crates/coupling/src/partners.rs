@@ -49,6 +49,7 @@ pub struct Usage {
 /// use case::{Acceleration, Coupling, LoadShape, Role};
 /// use channel::{LOAD_WIDTH, Window};
 /// use coupling::error::RunError;
+/// use coupling::frame_axes::FrameAxes;
 /// use coupling::partners::{LoadOverWindow, Partners, SolverResponse};
 /// use coupling::schemes::{Criterion, Field, InterfaceState, Uniform, Unknowns, WindowLoopSetup, window_loop};
 ///
@@ -97,7 +98,7 @@ pub struct Usage {
 ///     tolerance: 1e-6,
 ///     ..Coupling::default()
 /// };
-/// let unknowns = Unknowns::new(1, 0.1, false);
+/// let unknowns = Unknowns::new(1, 0.1, FrameAxes::None);
 /// let fields = vec![Field::new(0..unknowns.len(), 1e-9)];
 /// let mut windows = window_loop(WindowLoopSetup {
 ///     stage: "example",

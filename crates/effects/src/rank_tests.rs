@@ -213,7 +213,7 @@ fn random(bits: u32, width: f64, speed: f64, mass: f64, viscosity: f64, pressure
         scene.descent.as_mut()?.body = Some(case::PayloadBody {
             inertia_kg_m2: [0.1; 3],
             attachments_m: vec![[0.0, 0.0, 0.2]],
-            initial_velocity_m_s: [0.1, 0.0, 0.0],
+            initial_velocity_m_s: [0.0; 3],
             initial_spin_rad_s: [0.0; 3],
         });
     }

@@ -744,6 +744,31 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "descent.motion",
+        what: "frame that follows the payload in all directions",
+        model: "momentum of the system in three axes, solved with the coupling; off: the frame falls along one axis",
+        equation: "m dv/dt = R + D + m g",
+        reference: "-",
+        programs: &["coupler", "structure-solver"],
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: a condition on the payload",
+        on: Scene::frame_drifts,
+        assess: c::frame_motion,
+        cost: "two unknowns more in the coupling",
+        needs: None,
+        without: Some(|s| {
+            if let Some(d) = &mut s.descent {
+                d.motion = Some(case::FrameMotion::Vertical);
+                d.initial_drift_m_s = [0.0; 2];
+            }
+        }),
+        with: Some(|s| {
+            if let Some(d) = &mut s.descent {
+                d.motion = Some(case::FrameMotion::ThreeDimensional);
+            }
+        }),
+    },
+    Entry {
         key: "stage.prescribed",
         what: "canopy that moves as prescribed in the flow",
         model: "a stage of kind `prescribed`: mesh-mover and flow-solver alone, no structure is started",

@@ -30,6 +30,18 @@ pub(super) const MOTION: &[Panel] = &[
         "Downward speed of the payload.",
         &[("descent_speed_m_s", "descent speed")],
     ),
+    panel(
+        "Drift",
+        "m",
+        "Horizontal position of the payload over ground since its release, where it is free to move sideways.",
+        &[("frame_x_m", "along x"), ("frame_y_m", "along y")],
+    ),
+    panel(
+        "Horizontal velocity",
+        "m/s",
+        "Velocity of the payload over ground, where it is free to move sideways.",
+        &[("frame_vx_m_s", "along x"), ("frame_vy_m_s", "along y")],
+    ),
     panel("Drag", "N", "Vertical force of the air on the canopy.", &[("drag_n", "drag")]),
     panel(
         "Side force",

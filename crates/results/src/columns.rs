@@ -22,6 +22,20 @@ pub const HISTORY: &[Column] = &[
     column("descent_speed_m_s", "Descent speed of the frame at the end of the window, positive downwards."),
     column("acceleration_m_s2", "Acceleration of the frame, positive upwards."),
     column(
+        "frame_x_m",
+        "Position of the frame over ground, relative to that at the start of the first coupled stage, along x. Empty, as the next six \
+         columns, where the frame moves vertically (`descent.motion`).",
+    ),
+    column("frame_y_m", "The same along y."),
+    column("frame_z_m", "The same along z, negative after a fall."),
+    column("frame_vx_m_s", "Velocity of the frame over ground at the end of the window, along x."),
+    column("frame_vy_m_s", "The same along y."),
+    column("horizontal_speed_m_s", "Horizontal speed of the frame over ground."),
+    column(
+        "glide_ratio",
+        "Horizontal over vertical speed of the frame relative to the undisturbed air. Empty where the wind depends on the height.",
+    ),
+    column(
         "drag_n",
         "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` or without a canopy, with \
          `flow.forces.watch`, the force on the surfaces chosen there along their drag direction.",
@@ -274,7 +288,7 @@ mod tests {
     fn columns_of_iterations_are_described() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("iterations.csv");
-        history::Iterations::create(&path).unwrap();
+        history::Iterations::open(&path, false).unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert_eq!(text.trim(), ITERATIONS.iter().map(|c| c.name).collect::<Vec<_>>().join(","));
     }

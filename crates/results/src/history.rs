@@ -3,9 +3,7 @@
 //! A stage has the columns of the programs that run in it. All columns except the wall times at the end of a row are
 //! bitwise reproducible.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use case::{Role, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
@@ -14,10 +12,29 @@ use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::schemes::WindowReport;
 
+use crate::row_file::RowFile;
 use crate::wake::Sample;
 
 /// First of the columns of wall times, which are not reproducible.
 pub const FIRST_WALL_COLUMN: &str = "structure_wall_s";
+
+/// Motion over ground of a frame that moves in all directions.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Trajectory {
+    /// Position relative to that at the start of the first coupled stage, m.
+    pub position_m: [f64; 3],
+    /// Velocity, m/s.
+    pub velocity_m_s: [f64; 3],
+    /// Velocity of the undisturbed air relative to the frame, m/s; `None` where it depends on the height.
+    pub air_m_s: Option<[f64; 3]>,
+}
+
+impl Trajectory {
+    /// Horizontal over vertical speed of the frame relative to the air; infinite in level flight.
+    pub fn glide_ratio(&self) -> Option<f64> {
+        self.air_m_s.map(|[x, y, z]| x.hypot(y) / z.abs())
+    }
+}
 
 /// Data of a window for the history and the progress line.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +55,8 @@ pub struct Row {
     pub descent_speed_m_s: f64,
     /// Acceleration of the frame (upward), m/s2.
     pub acceleration_m_s2: f64,
+    /// Motion over ground; `None` where the frame moves vertically.
+    pub trajectory: Option<Trajectory>,
     /// Drag, N: of the force that the stage watches, along its direction.
     pub drag_n: f64,
     /// Drag coefficient; `None` without a reference area or at zero speed.
@@ -121,7 +140,7 @@ const STRUCTURE_COLUMNS: [Column; 26] = {
         Column::number("structure_energy_throughput_j", s::ENERGY_THROUGHPUT),
         Column::number("vertical_load_n", s::VERTICAL_LOAD),
         Column::number("riser_force_n", s::RISER_FORCE),
-        Column::number("support_force_n", s::SUPPORT_FORCE),
+        Column::number("support_force_n", s::SUPPORT_FORCE + 2),
         Column::number("max_line_tension_n", s::MAX_LINE_TENSION),
         Column::number("max_membrane_force_n_m", s::MAX_MEMBRANE_FORCE),
         Column::number("membrane_force_99_n_m", s::MEMBRANE_FORCE_99),
@@ -191,7 +210,7 @@ fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
         (Role::Flow, "flow_unconverged_solves", flow_stats::UNCONVERGED),
     ] {
         if has(role) {
-            cells.push((name, Cell::Count(row.report.sums[role as usize][at] as u64)));
+            cells.push((name, Cell::Count(row.report.sums[role as usize].values[at] as u64)));
         }
     }
     cells.extend(wall_cells(row));
@@ -203,12 +222,20 @@ pub fn names(kind: StageKind) -> Vec<&'static str> {
     cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
 }
 
-fn descent_cells(row: &Row) -> [(&'static str, Cell); 9] {
+fn descent_cells(row: &Row) -> [(&'static str, Cell); 16] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
+    let track = |value: fn(&Trajectory) -> f64| row.trajectory.as_ref().map_or(Nothing, |t| Number(value(t)));
     [
         ("descent_speed_m_s", Number(row.descent_speed_m_s)),
         ("acceleration_m_s2", Number(row.acceleration_m_s2)),
+        ("frame_x_m", track(|t| t.position_m[0])),
+        ("frame_y_m", track(|t| t.position_m[1])),
+        ("frame_z_m", track(|t| t.position_m[2])),
+        ("frame_vx_m_s", track(|t| t.velocity_m_s[0])),
+        ("frame_vy_m_s", track(|t| t.velocity_m_s[1])),
+        ("horizontal_speed_m_s", track(|t| t.velocity_m_s[0].hypot(t.velocity_m_s[1]))),
+        ("glide_ratio", track(|t| t.glide_ratio().unwrap_or(f64::NAN))),
         ("drag_n", Number(row.drag_n)),
         ("cd", row.drag_coefficient.map_or(Nothing, Number)),
         ("force_x_n", Number(force[0])),
@@ -241,7 +268,7 @@ fn system_cells(row: &Row) -> [(&'static str, Cell); 4] {
         row.balance.as_ref().map_or(Cell::Nothing, |b| Cell::Number(value(b)))
     };
     [
-        ("system_missing_impulse_n_s", of(|b| b.missing_impulse)),
+        ("system_missing_impulse_n_s", of(SystemBalance::missing_impulse)),
         ("system_energy_j", of(|b| b.energy_j)),
         ("system_air_work_j", of(|b| b.air_work_j)),
         ("system_energy_created_j", of(SystemBalance::created_j)),
@@ -293,8 +320,7 @@ fn wall_cells(row: &Row) -> [(&'static str, Cell); 6] {
 /// ```
 pub struct History {
     kind: StageKind,
-    path: PathBuf,
-    file: BufWriter<File>,
+    rows: RowFile,
 }
 
 impl History {
@@ -303,21 +329,15 @@ impl History {
     /// # Errors
     /// The file cannot be written.
     pub fn create(path: &Path, kind: StageKind) -> Result<Self, RunError> {
-        let file = File::create(path).map_err(RunError::file("create", path))?;
-        let mut history = Self { kind, path: path.into(), file: BufWriter::new(file) };
-        history.line(&names(kind).join(","))?;
-        Ok(history)
+        Self::open(path, kind, false)
     }
 
-    /// Appends to a file that was truncated to the restart window.
+    /// Creates the file, or, where the stage is `resumed`, appends to one that was truncated to the restart window.
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn resume(path: &Path, kind: StageKind) -> Result<Self, RunError> {
-        if !path.exists() {
-            return Self::create(path, kind);
-        }
-        Ok(Self { kind, path: path.into(), file: BufWriter::new(append(path)?) })
+    pub fn open(path: &Path, kind: StageKind, resumed: bool) -> Result<Self, RunError> {
+        Ok(Self { kind, rows: RowFile::open(path, &names(kind).join(","), resumed)? })
     }
 
     /// Writes all rows to the disk, as required before a state is saved.
@@ -325,7 +345,7 @@ impl History {
     /// # Errors
     /// The file cannot be written.
     pub fn sync(&self) -> Result<(), RunError> {
-        self.file.get_ref().sync_data().map_err(RunError::file("write", &self.path))
+        self.rows.sync()
     }
 
     /// Adds a window.
@@ -334,43 +354,20 @@ impl History {
     /// The file cannot be written.
     pub fn push(&mut self, row: &Row) -> Result<(), RunError> {
         let texts: Vec<String> = cells(self.kind, row).iter().map(|(_, cell)| cell.to_string()).collect();
-        self.line(&texts.join(","))
-    }
-
-    fn line(&mut self, text: &str) -> Result<(), RunError> {
-        writeln!(self.file, "{text}")
-            .and_then(|()| self.file.flush())
-            .map_err(RunError::file("write", &self.path))
+        self.rows.push(&[texts.join(",")])
     }
 }
 
 /// Writer of `iterations.csv` of a coupled stage: the residual of every coupling iteration.
-pub struct Iterations {
-    path: PathBuf,
-    file: BufWriter<File>,
-}
+pub struct Iterations(RowFile);
 
 impl Iterations {
-    /// Creates the file with its header line.
+    /// As [`History::open`].
     ///
     /// # Errors
     /// The file cannot be written.
-    pub fn create(path: &Path) -> Result<Self, RunError> {
-        let file = File::create(path).map_err(RunError::file("create", path))?;
-        let mut all = Self { path: path.into(), file: BufWriter::new(file) };
-        all.write(&["window,iteration,coupling_residual".to_owned()])?;
-        Ok(all)
-    }
-
-    /// Appends to a file that was truncated to the restart window.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn resume(path: &Path) -> Result<Self, RunError> {
-        if !path.exists() {
-            return Self::create(path);
-        }
-        Ok(Self { path: path.into(), file: BufWriter::new(append(path)?) })
+    pub fn open(path: &Path, resumed: bool) -> Result<Self, RunError> {
+        RowFile::open(path, "window,iteration,coupling_residual", resumed).map(Self)
     }
 
     /// Adds the iterations of a window.
@@ -379,30 +376,20 @@ impl Iterations {
     /// The file cannot be written.
     pub fn push(&mut self, row: &Row) -> Result<(), RunError> {
         let residuals = row.report.residuals.iter().enumerate();
-        let lines: Vec<String> = residuals.map(|(i, r)| format!("{},{i},{r:.3e}", row.window)).collect();
-        self.write(&lines)
-    }
-
-    fn write(&mut self, lines: &[String]) -> Result<(), RunError> {
-        lines
-            .iter()
-            .try_for_each(|line| writeln!(self.file, "{line}"))
-            .and_then(|()| self.file.flush())
-            .map_err(RunError::file("write", &self.path))
+        let rows: Vec<String> = residuals.map(|(i, r)| format!("{},{i},{r:.3e}", row.window)).collect();
+        self.0.push(&rows)
     }
 }
 
 /// Writer of `points.csv`: displacement of chosen nodes of the canopy.
 pub struct Points {
-    path: PathBuf,
-    file: BufWriter<File>,
+    rows: RowFile,
     /// Nodes of the canopy.
     nodes: Vec<usize>,
 }
 
 impl Points {
-    /// Creates the file with its header line, or, where the stage is `resumed`, appends to a file that was truncated to the restart window. `points`: names and
-    /// nodes; `None` without a point.
+    /// As [`History::open`]. `points`: names and nodes; `None` without a point.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -411,14 +398,9 @@ impl Points {
             return Ok(None);
         }
         let nodes = points.iter().map(|(_, node)| *node).collect();
-        if resumed && path.exists() {
-            return Ok(Some(Self { path: path.into(), file: BufWriter::new(append(path)?), nodes }));
-        }
-        let file = File::create(path).map_err(RunError::file("create", path))?;
-        let mut all = Self { path: path.into(), file: BufWriter::new(file), nodes };
         let columns = points.iter().flat_map(|(name, _)| ["x", "y", "z"].map(|x| format!(",{name}_{x}_m")));
-        all.line(&format!("time_s{}", columns.collect::<String>()))?;
-        Ok(Some(all))
+        let header = format!("time_s{}", columns.collect::<String>());
+        Ok(Some(Self { rows: RowFile::open(path, &header, resumed)?, nodes }))
     }
 
     /// Adds the end of a window: its time (s) and the displacement of the canopy, `[nodes][3]`, m.
@@ -428,18 +410,8 @@ impl Points {
     pub fn push(&mut self, time: f64, displacement: &[f64]) -> Result<(), RunError> {
         let cells = self.nodes.iter().flat_map(|n| &displacement[3 * n..3 * n + 3]);
         let text: String = cells.map(|x| format!(",{x:.9e}")).collect();
-        self.line(&format!("{time:.9}{text}"))
+        self.rows.push(&[format!("{time:.9}{text}")])
     }
-
-    fn line(&mut self, text: &str) -> Result<(), RunError> {
-        writeln!(self.file, "{text}")
-            .and_then(|()| self.file.flush())
-            .map_err(RunError::file("write", &self.path))
-    }
-}
-
-fn append(path: &Path) -> Result<File, RunError> {
-    File::options().append(true).open(path).map_err(RunError::file("write", path))
 }
 
 /// Columns of a history by name; empty cells are NaN.

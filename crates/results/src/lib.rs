@@ -18,6 +18,7 @@ pub mod program;
 pub mod progress;
 pub mod provenance;
 pub mod recording;
+mod row_file;
 pub mod settled;
 pub mod state;
 pub mod strength;

@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::long_term::{LongTerm, METHOD, MIN_BATCHES, State, long_term};
 
 /// Column of `history.csv`, name and unit of the quantities that have a settled mean.
-pub const QUANTITIES: [(&str, &str, &str); 8] = [
+pub const QUANTITIES: [(&str, &str, &str); 10] = [
     ("descent_speed_m_s", "descent speed", "m/s"),
+    ("horizontal_speed_m_s", "horizontal speed", "m/s"),
+    ("glide_ratio", "glide ratio", "-"),
     ("drag_n", "drag", "N"),
     ("cd", "drag coefficient at the reference speed", "-"),
     ("projected_area_m2", "projected area", "m2"),

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use archive::codec::compact;
 use case::Scene;
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
@@ -10,7 +9,7 @@ use coupling::schemes::InterfaceState;
 use crate::checkpoint::unusable;
 
 const KIND: [u8; 8] = *b"ripcoupl";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// File of the coupler's state in a state folder.
 pub fn coupler_file(folder: &Path) -> PathBuf {
@@ -32,8 +31,7 @@ pub fn save(folder: &Path, state: &InterfaceState) -> Result<(), RunError> {
 pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState, RunError> {
     let path = coupler_file(folder);
     let refuse = |why: String| RunError::Input(archive::Error::content(&path, why).to_string());
-    let state: InterfaceState =
-        archive::load_or_earlier(&path, KIND, VERSION, version_1).map_err(unusable)?;
+    let state: InterfaceState = archive::load(&path, KIND, VERSION).map_err(unusable)?;
     let loads = || [&state.load, &state.load_before].into_iter().flatten();
     if state.displacement.len() != 3 * nodes || loads().any(|l| l.len() != faces * channel::LOAD_WIDTH) {
         return Err(refuse(format!(
@@ -42,17 +40,12 @@ pub fn load(folder: &Path, nodes: usize, faces: usize) -> Result<InterfaceState,
         )));
     }
     let s = &state;
-    let numbers = s.displacement.iter().chain(loads().flatten()).chain([&s.velocity, &s.acceleration]);
+    let motion = [s.velocity, s.acceleration, s.position];
+    let numbers = s.displacement.iter().chain(loads().flatten()).chain(motion.as_flattened());
     if let Some(wrong) = numbers.into_iter().find(|x| !x.is_finite()) {
         return Err(refuse(format!("it contains the value {wrong}")));
     }
     Ok(state)
-}
-
-/// The state in a file of version 1: kind, version and state in compact form.
-fn version_1(bytes: &[u8]) -> Option<InterfaceState> {
-    let (head, state): (([u8; 8], u32), InterfaceState) = compact::decode(bytes).ok()?;
-    (head == (KIND, 1)).then_some(state)
 }
 
 /// Copies the saved states of the stages before stage `before` from one results folder to another.
@@ -85,14 +78,13 @@ mod tests {
             displacement: vec![0.1; 6],
             load: Some(vec![2.0; 4]),
             load_before: Some(vec![1.5; 4]),
-            velocity: -4.0,
-            acceleration: 0.2,
+            velocity: [0.5, 0.0, -4.0],
+            acceleration: [0.0, 0.1, 0.2],
+            position: [1.0, 2.0, -30.0],
         };
         save(folder.path(), &state).unwrap();
         assert_eq!(load(folder.path(), 2, 1).unwrap(), state);
         assert!(load(folder.path(), 3, 1).unwrap_err().to_string().contains("canopy of 2 nodes"));
-        std::fs::write(coupler_file(folder.path()), compact::encode(&((KIND, 1u32), &state))).unwrap();
-        assert_eq!(load(folder.path(), 2, 1).unwrap(), state);
         std::fs::write(coupler_file(folder.path()), b"x").unwrap();
         assert!(load(folder.path(), 2, 1).unwrap_err().to_string().contains("not of the kind"));
     }

@@ -309,7 +309,7 @@ impl StageSummary {
         self.structure_solves += report.solves[Role::Structure as usize];
         self.flow_solves += report.solves[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
-        let sum = |role: Role, at: usize| report.sums[role as usize][at] as u64;
+        let sum = |role: Role, at: usize| report.sums[role as usize].values[at] as u64;
         self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);
         self.structure_linear_iterations += sum(Role::Structure, structure_stats::GMRES_ITERATIONS);
         self.flow_linear_iterations += sum(Role::Flow, flow_stats::LINEAR_ITERATIONS);

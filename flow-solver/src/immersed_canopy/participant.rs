@@ -132,7 +132,7 @@ impl Begin {
             Some(file) => mesh::load_shape(&file, n).map_err(Fault::new)?,
             None => structure.coords[..n].to_vec(),
         };
-        let frame = Vector3::new(0.0, 0.0, -scene.resolved().initial_speed_m_s);
+        let frame = scene.resolved().initial_velocity_m_s.into();
         Ok(Self {
             positions: positions.into_iter().map(Vector3::from).collect(),
             velocities: vec![Vector3::zeros(); n],

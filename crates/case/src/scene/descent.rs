@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::check::Check;
 use crate::{GAS_CONSTANT, HEAT_RATIO, Scene, StageKind};
 
-/// The falling mass: one degree of freedom (paper, equation 9).
+/// The falling mass: one degree of freedom (paper, equation 9), or three.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Descent {
@@ -14,6 +14,12 @@ pub struct Descent {
     pub payload_mass_kg: f64,
     /// Descent speed at the start, m/s, positive downwards.
     pub initial_speed_m_s: f64,
+    /// Horizontal velocity at the start, m/s, of a frame that moves in all directions: that of an aircraft, or of a steady
+    /// glide.
+    #[serde(default)]
+    pub initial_drift_m_s: [f64; 2],
+    /// Directions in which the frame follows the payload. Absent: `three-dimensional` with `[descent.body]`, else `vertical`.
+    pub motion: Option<FrameMotion>,
     /// Acceleration of gravity, m/s2.
     #[serde(default = "standard_gravity")]
     pub gravity_m_s2: f64,
@@ -48,6 +54,17 @@ pub enum DescentEquation {
     QuasiSteady,
 }
 
+/// Directions in which the frame follows the payload.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FrameMotion {
+    /// Downwards and upwards. A payload that is a point is held sideways, as on a rail; a body moves sideways in the frame
+    /// and, with its canopy, out of the grid.
+    Vertical,
+    /// In all directions: the payload glides and drifts with its canopy, and the grid with both.
+    ThreeDimensional,
+}
+
 /// Drag of the air on the payload: `F = 1/2 rho (C A) |w| w` with the velocity `w` of the air
 /// past it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -78,10 +95,23 @@ pub struct PayloadBody {
     pub initial_spin_rad_s: [f64; 3],
 }
 
+impl Descent {
+    /// Directions in which the frame follows the payload.
+    pub fn frame_motion(&self) -> FrameMotion {
+        let free = if self.body.is_some() { FrameMotion::ThreeDimensional } else { FrameMotion::Vertical };
+        self.motion.unwrap_or(free)
+    }
+}
+
 impl Scene {
     /// The payload as a rigid body, where the scene has one.
     pub fn payload_body(&self) -> Option<&PayloadBody> {
         self.descent.as_ref()?.body.as_ref()
+    }
+
+    /// Whether the frame moves in all directions.
+    pub fn frame_drifts(&self) -> bool {
+        self.descent.as_ref().is_some_and(|d| d.frame_motion() == FrameMotion::ThreeDimensional)
     }
 
     /// Drag of the air on the payload, where the scene has it.
@@ -109,7 +139,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     if let Some(b) = &d.body {
         shape_of_body(b, c);
-        freedom_of_body(scene, c);
+        freedom_of_body(scene, b, c);
     }
 }
 
@@ -117,6 +147,16 @@ fn magnitudes(d: &Descent, c: &mut Check) {
     c.positive("descent.payload_mass_kg", d.payload_mass_kg, 1e6, "a mass in kg");
     let speed = "positive downwards, m/s";
     c.range("descent.initial_speed_m_s", d.initial_speed_m_s, 0.0..=1000.0, speed);
+    for drift in d.initial_drift_m_s {
+        c.range("descent.initial_drift_m_s", drift, -1000.0..=1000.0, "horizontal, m/s");
+    }
+    if d.frame_motion() == FrameMotion::Vertical && d.initial_drift_m_s != [0.0; 2] {
+        c.refuse(
+            "descent.initial_drift_m_s",
+            "the frame moves vertically, so that it cannot drift",
+            "set descent.motion = \"three-dimensional\", or remove the drift; a wind is `flow.wind_m_s`",
+        );
+    }
     c.range("descent.gravity_m_s2", d.gravity_m_s2, 0.0..=1000.0, "in m/s2");
     c.positive("descent.reference_area_m2", d.reference_area_m2, 1e6, "an area in m2");
 }
@@ -126,7 +166,7 @@ fn mach(scene: &Scene, c: &mut Check) {
     let Some(flow) = &scene.flow else { return };
     let length = |v: &[f64; 3]| v.iter().map(|w| w * w).sum::<f64>().sqrt();
     let sound = (HEAT_RATIO * GAS_CONSTANT * flow.temperature_k).sqrt();
-    let fall = scene.resolved().initial_speed_m_s;
+    let fall = length(&scene.resolved().initial_velocity_m_s);
     let most = |stage: usize| {
         let steady = scene.stages[stage].wind.as_ref().map_or(flow.wind_m_s, |w| w.velocity_m_s);
         let gust = scene.gust(stage).map_or(0.0, |(g, _)| g.largest_speed());
@@ -171,7 +211,7 @@ fn shape_of_body(b: &PayloadBody, c: &mut Check) {
 }
 
 /// A payload moves on lines, in a frame that all masses feel, in stages that let it.
-fn freedom_of_body(scene: &Scene, c: &mut Check) {
+fn freedom_of_body(scene: &Scene, b: &PayloadBody, c: &mut Check) {
     if !scene.may_have_cables() {
         c.refuse(BODY, "no line holds the payload", "give the canopy lines, or remove [descent.body]");
     }
@@ -180,6 +220,14 @@ fn freedom_of_body(scene: &Scene, c: &mut Check) {
             BODY,
             "a payload that moves in the falling frame needs the inertia of fabric and lines in that frame too",
             "add [fabric_gravity]",
+        );
+    }
+    if scene.frame_drifts() && b.initial_velocity_m_s != [0.0; 3] {
+        c.refuse(
+            &format!("{BODY}.initial_velocity_m_s"),
+            "the frame follows the payload in all directions, so that the payload has no velocity in it",
+            "remove it; the velocity of payload and canopy is descent.initial_drift_m_s and descent.initial_speed_m_s. For a payload \
+             that moves in the frame set descent.motion = \"vertical\"",
         );
     }
     if !scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {

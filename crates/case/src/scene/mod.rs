@@ -60,7 +60,7 @@ pub use coupling::{
 };
 pub use cross::CrossCanopy;
 pub(crate) use descent::STANDARD_GRAVITY;
-pub use descent::{Descent, DescentEquation, PayloadBody, PayloadDrag};
+pub use descent::{Descent, DescentEquation, FrameMotion, PayloadBody, PayloadDrag};
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
 pub use flow::{
     Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,

@@ -92,11 +92,11 @@ impl Perturbation {
 }
 
 impl Scene {
-    /// Steady stream of a stage relative to a canopy that falls with the initial speed, m/s.
+    /// Steady stream of a stage relative to a canopy that moves with the initial velocity, m/s.
     fn steady_stream(&self, stage: &Stage) -> [f64; 3] {
         let resolved = self.resolved();
         let wind = stage.wind.as_ref().map_or(resolved.wind_m_s, |w| w.velocity_m_s);
-        [wind[0], wind[1], wind[2] + resolved.initial_speed_m_s]
+        std::array::from_fn(|i| wind[i] - resolved.initial_velocity_m_s[i])
     }
 
     /// The pulse of wind of `[stage.perturbation]`, whose times count from the start of `stage`. `None` without one, and where

@@ -15,6 +15,8 @@ pub struct Resolved {
     pub gravity_m_s2: f64,
     /// Descent speed at the start, m/s, positive downwards; 0 without `[descent]`.
     pub initial_speed_m_s: f64,
+    /// Velocity of the frame at the start, m/s; 0 without `[descent]`.
+    pub initial_velocity_m_s: [f64; 3],
     /// Mass of the payload, kg; 0 without `[descent]`.
     pub payload_mass_kg: f64,
     /// Diameter of lines across the air, m: `lines.drag.diameter_m`, or that of a round line; 0 without `[lines]`.
@@ -66,6 +68,10 @@ impl Scene {
             wind_m_s: flow.map_or([0.0; 3], |f| f.wind_m_s),
             gravity_m_s2: descent.map_or(STANDARD_GRAVITY, |d| d.gravity_m_s2),
             initial_speed_m_s: descent.map_or(0.0, |d| d.initial_speed_m_s),
+            initial_velocity_m_s: descent.map_or([0.0; 3], |d| {
+                let [x, y] = d.initial_drift_m_s;
+                [x, y, -d.initial_speed_m_s]
+            }),
             payload_mass_kg: descent.map_or(0.0, |d| d.payload_mass_kg),
             line_diameter_m: self.lines.as_ref().map_or(0.0, Lines::diameter_m),
         }

@@ -7,6 +7,7 @@ use super::test_support::ClosedForm;
 use super::*;
 use crate::descent::{DescentModel, Weight};
 use crate::error::RunError;
+use crate::frame_axes::FrameAxes;
 use crate::partners::LoadOverWindow;
 
 const DT: f64 = 5e-3;
@@ -15,9 +16,12 @@ const GRAVITY: f64 = 9.80665;
 const PAYLOAD: f64 = 5.0;
 const FABRIC: f64 = 0.2;
 
-/// A canopy of one face of 1 m2 with its mass on one node that moves vertically, above a tension-only line. The air:
+/// A canopy of one face of 1 m2 with its mass on one node that moves along an axis, above a tension-only line. The air:
 /// added mass and drag of the velocity relative to the ground, by backward differences.
 struct Hanging {
+    /// Axis of the motion, and gravity along it, m/s2.
+    axis: usize,
+    gravity: f64,
     stiffness: f64,
     added: f64,
     drag: f64,
@@ -34,6 +38,8 @@ struct Hanging {
 impl Hanging {
     fn new(added: f64, velocity: f64, weighs: bool) -> Self {
         Self {
+            axis: 2,
+            gravity: GRAVITY,
             stiffness: 16e3,
             added,
             drag: 3.2,
@@ -56,7 +62,7 @@ impl Hanging {
 impl ClosedForm for Hanging {
     fn solve_structure(&mut self, w: &Window, load: LoadOverWindow<'_>, displacement: &mut [f64]) -> Stats {
         let h = w.dt / f64::from(STEPS);
-        let body = if self.weighs { -GRAVITY - w.frame_acceleration[2] } else { 0.0 };
+        let body = if self.weighs { -self.gravity - w.frame_acceleration[self.axis] } else { 0.0 };
         let pressure =
             |i: u32| load.start[0] + (load.end[0] - load.start[0]) * f64::from(i) / f64::from(STEPS);
         let tension = |x: f64| self.stiffness * x.max(0.0);
@@ -71,24 +77,25 @@ impl ClosedForm for Hanging {
         }
         let mut stats = Stats::default();
         let own = FABRIC * (v - self.fabric[0][1]);
-        stats.values[structure_stats::SUPPORT_FORCE] = (impulse - own) / w.dt + FABRIC * body;
+        stats.values[structure_stats::SUPPORT_FORCE + self.axis] = (impulse - own) / w.dt + FABRIC * body;
         (self.fabric[1], self.impulse[0]) = ([x, v], impulse);
-        displacement.copy_from_slice(&[0.0, 0.0, x]);
+        displacement.fill(0.0);
+        displacement[self.axis] = x;
         stats
     }
 
     fn move_mesh(&mut self, displacement: &[f64]) {
-        self.wall[1][0] = displacement[2];
+        self.wall[1][0] = displacement[self.axis];
     }
 
     fn solve_flow(&mut self, w: &Window, load: &mut [f64]) -> Result<Stats, RunError> {
         let [x0, v0] = self.wall[0];
-        let v = w.frame_velocity[2] + (self.wall[1][0] - x0) / w.dt;
+        let v = w.frame_velocity[self.axis] + (self.wall[1][0] - x0) / w.dt;
         self.wall[1][1] = v;
         let force = -self.drag * v * v.abs() - self.added * (v - v0) / w.dt;
         load.copy_from_slice(&[force, 0.0, 0.0, 0.0]);
         let mut stats = Stats::default();
-        stats.values[flow_stats::FORCE + 2] = force;
+        stats.values[flow_stats::FORCE + self.axis] = force;
         Ok(stats)
     }
 
@@ -105,6 +112,7 @@ fn model(equation: DescentEquation, weight: Weight) -> DescentModel {
         payload_kg: PAYLOAD,
         equation,
         weight,
+        axes: FrameAxes::Vertical,
         gravity_m_s2: GRAVITY,
         reference_area_m2: 1.0,
         reference_speed_m_s: 4.0,
@@ -129,15 +137,17 @@ fn implicit() -> Coupling {
 fn window_loop(coupling: &Coupling, descent: DescentModel, partners: &Hanging) -> WindowLoop {
     let [height, velocity] = partners.wall[0];
     let load = -partners.drag * velocity * velocity.abs();
-    let unknowns = Unknowns::new(1, DT, true);
+    let unknowns = Unknowns::new(1, DT, descent.axes);
     let floor = 1e-9;
-    let fields = vec![Field::new(0..3, floor), Field::new(3..4, floor)];
+    let fields = vec![Field::new(0..3, floor), Field::new(unknowns.velocities(), floor)];
+    let along =
+        |value: f64| std::array::from_fn::<f64, 3, _>(|i| if i == partners.axis { value } else { 0.0 });
     let interface = InterfaceState {
-        displacement: vec![0.0, 0.0, height],
+        displacement: along(height).to_vec(),
         load: Some([load, 0.0, 0.0, 0.0].to_vec()),
         load_before: None,
-        velocity,
-        acceleration: 0.0,
+        velocity: along(velocity),
+        ..InterfaceState::default()
     };
     let criterion = Criterion::new(fields, coupling.tolerance);
     assert_eq!(LOAD_WIDTH, 4);
@@ -170,10 +180,10 @@ fn run(
     let (mut accelerations, mut iterations) = (Vec::new(), Vec::new());
     for index in 0..windows {
         let report = scheme.run(&mut partners, window(index), false).unwrap_or_else(|e| panic!("{e}"));
-        accelerations.push(scheme.state().acceleration);
+        accelerations.push(scheme.state().acceleration[partners.axis]);
         iterations.push(report.iterations);
     }
-    let end = scheme.state().velocity;
+    let end = scheme.state().velocity[partners.axis];
     (accelerations, iterations, partners, end)
 }
 
@@ -196,7 +206,7 @@ fn violent_release_accelerates_by_at_most_gravity() {
     let error = scheme.run(&mut partners, window(0), false).expect_err("no line pushes the payload");
     println!("{error}");
     assert!(matches!(error, RunError::Unphysical { .. }) && error.is_retryable(), "{error}");
-    assert_eq!(scheme.state().velocity, -20.0, "the window is rejected");
+    assert_eq!(scheme.state().velocity, [0.0, 0.0, -20.0], "the window is rejected");
 }
 
 /// The momentum of payload and fabric changes by the impulses of air and weight.
@@ -219,6 +229,28 @@ fn system_momentum_equals_the_applied_impulses() {
         // tolerance; without weight in the structure the error is round-off.
         let most = if weighs { 1e-7 } else { 1e-12 };
         assert!(error < most, "{weight:?}: {error}");
+    }
+}
+
+/// In a frame that moves in all directions the same forces give the same motion along any axis, and none across it.
+#[test]
+fn frame_moves_alike_along_all_axes() {
+    for (weight, weighs) in [(Weight::Frame, false), (Weight::Structure, true), (Weight::Body, true)] {
+        let weightless = |axes| {
+            let model = model(DescentEquation::Momentum, weight);
+            DescentModel { gravity_m_s2: 0.0, axes, ..model }
+        };
+        let start = |axis| Hanging { axis, gravity: 0.0, ..Hanging::new(4.0, -20.0, weighs) };
+        let (a, iterations, vertical, end) = run(&implicit(), weightless(FrameAxes::Vertical), start(2), 40);
+        assert!((end + 20.0).abs() > 1.0, "{end}");
+        for axis in 0..3 {
+            let (b, same, partners, moved) = run(&implicit(), weightless(FrameAxes::All), start(axis), 40);
+            assert_eq!((&a, &iterations, end), (&b, &same, moved), "{weight:?}, axis {axis}");
+            assert_eq!(partners.fabric, vertical.fabric);
+        }
+        // Held sideways, the frame keeps its velocity.
+        let (held, ..) = run(&implicit(), weightless(FrameAxes::Vertical), start(0), 5);
+        assert!(held.iter().all(|a| *a == 0.0), "{held:?}");
     }
 }
 

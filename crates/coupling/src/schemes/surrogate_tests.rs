@@ -8,6 +8,7 @@ use mesh::Point;
 use super::test_support::{ClosedForm, at_rest};
 use super::*;
 use crate::error::RunError;
+use crate::frame_axes::FrameAxes;
 use crate::partners::LoadOverWindow;
 
 const CELLS: usize = 5;
@@ -28,11 +29,12 @@ fn plate() -> (Vec<Point>, Vec<[u32; 4]>) {
 
 fn model(density: f64) -> AddedMassSurrogate {
     let (positions, faces) = plate();
-    let unknowns = Unknowns::new(positions.len(), 1.0, false);
+    let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
     let rest = vec![0.0; 3 * positions.len()];
     let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a sound plate");
     let air = Air::incompressible(density);
-    AddedMassSurrogate::new(unknowns, &lattice, &rest, 0.0, &faces, air, usize::MAX).expect("a sound plate")
+    AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], &faces, air, usize::MAX)
+        .expect("a sound plate")
 }
 
 /// Nodes of the plate on springs; the response of the air is the surrogate's added-mass load at the true density plus
@@ -113,7 +115,7 @@ impl ClosedForm for Plate {
 fn run_windows(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result<Plate, RunError> {
     let mut plate = Plate::new();
     let n = plate.accepted.len();
-    let unknowns = Unknowns::new(n, dt, false);
+    let unknowns = Unknowns::new(n, dt, FrameAxes::None);
     let fields = vec![Field::new(0..unknowns.len(), 1e-8)];
     let criterion = Criterion::new(fields, coupling.tolerance);
     let rest = || -> Box<dyn Relaxation> {

@@ -13,6 +13,7 @@ use super::window::criterion::{Criterion, Field};
 use super::window::values::InterfaceState;
 use super::window::window_loop::WindowLoop;
 use crate::error::RunError;
+use crate::frame_axes::FrameAxes;
 use crate::partners::{LoadOverWindow, Partners, SolverResponse};
 
 /// Flat square of `n` x `n` faces with side 1.
@@ -82,14 +83,14 @@ pub fn at_rest(nodes: usize, faces: usize, velocity: f64) -> InterfaceState {
     InterfaceState {
         displacement: vec![0.0; 3 * nodes],
         load: Some(vec![0.0; faces * LOAD_WIDTH]),
-        velocity,
+        velocity: [0.0, 0.0, velocity],
         ..InterfaceState::default()
     }
 }
 
 /// The loop over one node with one face, at rest; `scale` of the load in Jacobi order.
 pub fn one_mode(coupling: &Coupling, scale: f64) -> WindowLoop {
-    let mut unknowns = Unknowns::new(1, 1.0, false);
+    let mut unknowns = Unknowns::new(1, 1.0, FrameAxes::None);
     if coupling.scheme == Scheme::Implicit && coupling.order == CouplingOrder::Jacobi {
         unknowns = unknowns.with_loads(LOAD_WIDTH, scale);
     }

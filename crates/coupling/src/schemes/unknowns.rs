@@ -1,7 +1,11 @@
 //! The coupled unknowns of a window as one vector.
 
+use std::ops::Range;
+
+use crate::frame_axes::FrameAxes;
+
 /// Layout of the vector of coupled unknowns: displacement `[nodes][3]` (m),
-/// then, when the canopy descends, the frame's vertical velocity times
+/// then the frame's velocity in the axes in which it accelerates, times
 /// [`Unknowns::velocity_scale`], then, where the load is iterated too, the load
 /// `[faces][LOAD_WIDTH]` times [`Unknowns::load_scale`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -9,7 +13,7 @@ pub struct Unknowns {
     nodes: usize,
     window_s: f64,
     velocity_scale: f64,
-    descends: bool,
+    axes: FrameAxes,
     loads: usize,
     load_scale: f64,
 }
@@ -19,9 +23,9 @@ impl Unknowns {
     ///
     /// The velocity is scaled by $`\Delta t \sqrt{N}`$: a change of the frame's velocity then has the norm of the nodal
     /// displacements that move the canopy equally far through the air within the window.
-    pub fn new(nodes: usize, dt: f64, descends: bool) -> Self {
+    pub fn new(nodes: usize, dt: f64, axes: FrameAxes) -> Self {
         let velocity_scale = dt * (nodes as f64).sqrt();
-        Self { nodes, window_s: dt, velocity_scale, descends, loads: 0, load_scale: 0.0 }
+        Self { nodes, window_s: dt, velocity_scale, axes, loads: 0, load_scale: 0.0 }
     }
 
     /// Window length of the scales, s.
@@ -46,7 +50,7 @@ impl Unknowns {
     }
 
     fn loads_at(&self) -> usize {
-        3 * self.nodes + usize::from(self.descends)
+        3 * self.nodes + self.axes.len()
     }
 
     /// Puts the load into `x`; no effect where the load is not an unknown.
@@ -75,9 +79,14 @@ impl Unknowns {
         3 * self.nodes
     }
 
-    /// Whether the frame's velocity is an unknown.
-    pub fn descends(&self) -> bool {
-        self.descends
+    /// Axes in which the frame's velocity is an unknown.
+    pub fn axes(&self) -> FrameAxes {
+        self.axes
+    }
+
+    /// Places of the frame's velocity in the vector.
+    pub fn velocities(&self) -> Range<usize> {
+        3 * self.nodes..self.loads_at()
     }
 
     /// Factor on the velocity in the vector, s.
@@ -86,11 +95,10 @@ impl Unknowns {
     }
 
     /// Puts displacement and velocity into `x`.
-    pub fn pack(&self, displacement: &[f64], velocity: f64, x: &mut [f64]) {
+    pub fn pack(&self, displacement: &[f64], velocity: [f64; 3], x: &mut [f64]) {
         x[..3 * self.nodes].copy_from_slice(displacement);
-        if self.descends {
-            x[3 * self.nodes] = velocity * self.velocity_scale;
-        }
+        let places = x[self.velocities()].iter_mut().zip(self.axes.range());
+        places.for_each(|(x, axis)| *x = velocity[axis] * self.velocity_scale);
     }
 
     /// Displacement part of `x`.
@@ -98,8 +106,11 @@ impl Unknowns {
         &x[..3 * self.nodes]
     }
 
-    /// Velocity in `x`, m/s; `at_rest` when the frame does not descend.
-    pub fn velocity(&self, x: &[f64], at_rest: f64) -> f64 {
-        if self.descends { x[3 * self.nodes] / self.velocity_scale } else { at_rest }
+    /// Velocity of the frame in `x`, m/s; `constant` in the axes in which it does not accelerate.
+    pub fn velocity(&self, x: &[f64], constant: [f64; 3]) -> [f64; 3] {
+        let mut velocity = constant;
+        let places = x[self.velocities()].iter().zip(self.axes.range());
+        places.for_each(|(x, axis)| velocity[axis] = x / self.velocity_scale);
+        velocity
     }
 }

@@ -118,6 +118,15 @@ fn across(wind: &Wind, time: f64) -> f64 {
     (0..=64).map(at).fold(0.0, f64::max)
 }
 
+/// Whether the payload is held sideways is a condition that a scene states. Canopies glide: the ATPS drifts at 1.3 to 2.3 m/s and then
+/// descends 14 % slower than with the payload held (docs/records/atps-descent.md).
+pub fn frame_motion(s: &Scope<'_>) -> Assessment {
+    if s.n.falling_mass == 0.0 {
+        return Assessment::not("nothing falls in this scene");
+    }
+    Assessment::not("a condition on the payload: held sideways, or free to glide with its canopy")
+}
+
 /// Whether a frame falls is part of the question.
 pub fn descent(s: &Scope<'_>) -> Assessment {
     let n = s.n;

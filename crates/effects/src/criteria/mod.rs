@@ -10,7 +10,7 @@ mod structure;
 
 pub use air::{energy, gust, limiter, permeability, perturbation, shear, steady, turbulence, viscosity};
 use case::Scene;
-pub use descent::{body, descent, line_drag, payload_drag, typical_drag_area};
+pub use descent::{body, descent, frame_motion, line_drag, payload_drag, typical_drag_area};
 pub use structure::{
     bending, contact, contact_friction, fabric_gravity, hysteresis, immersed, integration, law, lines,
     mass_damping, moving_grid, orthotropic, prescribed, prestress, reefing, reinforcements, retardation,

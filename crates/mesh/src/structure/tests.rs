@@ -50,6 +50,8 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             equation: case::DescentEquation::default(),
             payload_mass_kg: 100.6975,
             initial_speed_m_s: 4.8768,
+            initial_drift_m_s: [0.0; 2],
+            motion: None,
             gravity_m_s2: 9.80665,
             reference_area_m2: 41.3614,
             payload_drag: None,

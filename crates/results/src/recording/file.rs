@@ -12,7 +12,7 @@ use super::pack::{PackError, Packed, pack, unpack};
 use super::{Channel, Event, Header};
 
 /// First bytes of a file.
-pub const MAGIC: [u8; 8] = *b"ripsrec2";
+pub const MAGIC: [u8; 8] = *b"ripsrec3";
 /// Maximum length of a frame, bytes.
 const MAX_FRAME: u32 = 1 << 30;
 /// Maximum number of nodes, faces and grid nodes in a header.

@@ -121,6 +121,27 @@ impl Channel {
     }
 }
 
+/// Statistics as a sequence: arrays of this length have no serialisation of their own. A shorter one, of a contract with
+/// fewer statistics, is filled with zeros.
+mod statistics {
+    use channel::STATS;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub(super) fn serialize<S: Serializer>(values: &[f64; STATS], to: S) -> Result<S::Ok, S::Error> {
+        values.as_slice().serialize(to)
+    }
+
+    pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<[f64; STATS], D::Error> {
+        let values = Vec::<f64>::deserialize(from)?;
+        let mut all = [0.0; STATS];
+        let known = all.get_mut(..values.len());
+        known
+            .ok_or_else(|| serde::de::Error::invalid_length(values.len(), &"statistics of the contract"))?
+            .copy_from_slice(&values);
+        Ok(all)
+    }
+}
+
 /// One exchange, with arrays of kind `A`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Event<A> {
@@ -133,6 +154,7 @@ pub enum Event<A> {
         /// [`Channel::StructureDisplacement`].
         displacement: A,
         /// Statistics.
+        #[serde(with = "statistics")]
         stats: [f64; STATS],
     },
     /// A mesh solve.
@@ -144,6 +166,7 @@ pub enum Event<A> {
         /// [`Channel::Grid`], if recorded.
         grid: Option<A>,
         /// Statistics.
+        #[serde(with = "statistics")]
         stats: [f64; STATS],
     },
     /// A flow solve.
@@ -153,6 +176,7 @@ pub enum Event<A> {
         /// [`Channel::FlowLoad`].
         load: A,
         /// Statistics.
+        #[serde(with = "statistics")]
         stats: [f64; STATS],
     },
     /// The window is accepted.

@@ -2,7 +2,7 @@
 
 use faer::Mat;
 use faer::prelude::Solve;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
@@ -11,6 +11,9 @@ use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::panel_groups::PanelGroups;
 use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
 use crate::schemes::unknowns::Unknowns;
+
+/// Determinant of the frame's equation below which it is not solved: that of a frame without air is 1.
+const LEAST_DETERMINANT: f64 = 0.1;
 
 /// Masses and response that determine the added-mass effect, for [`AddedMassRelaxation::new`].
 #[derive(Clone, Copy, Debug)]
@@ -45,13 +48,13 @@ pub struct MassProperties {
 /// the step $`e = (I+G)^{-1} r = (A+gI)^{-1}A\,r`$ along the normals. Tangential
 /// motion moves no air: there the full residual is the step.
 ///
-/// The frame's vertical motion $`V`$ (velocity times $`\Delta t`$) accelerates the same air, and the air's force
-/// accelerates the frame: with $`b = \rho A^{-T} a_z / M`$, $`a_z`$
-/// the faces' areas upwards, both are solved together,
+/// The motion $`V`$ of the frame in its axes (velocity times $`\Delta t`$) accelerates the same air, and the air's force
+/// accelerates the frame: with the normals $`N`$ and area vectors $`a`$ of the faces in these axes and
+/// $`B = \rho A^{-T} a / M`$, both are solved together,
 ///
 /// ```math
-/// \delta x + G\,\delta x + \tfrac23 G n_z\,\delta V = r, \qquad
-/// \delta V + b\cdot(\tfrac94\,\delta x + \tfrac32 n_z\,\delta V) = r_V.
+/// \delta x + G\,\delta x + \tfrac23 G N\,\delta V = r, \qquad
+/// \delta V + B^T(\tfrac94\,\delta x + \tfrac32 N\,\delta V) = r_V.
 /// ```
 ///
 /// (Solved separately, the two would converge with a factor of 0.9 only.)
@@ -75,10 +78,10 @@ pub struct AddedMassRelaxation {
     group_normals: DMatrix<f64>,
     group_forces: DMatrix<f64>,
     relaxed_normals: DMatrix<f64>,
-    /// b, q = (I+G)^-1 G n_z, and the coefficient of V once x is eliminated.
-    force: DVector<f64>,
-    relaxed_vertical: DVector<f64>,
-    velocity: f64,
+    /// B and Q = (I+G)^-1 G N, `[groups][axes]`, and the inverse of the matrix of V once x is eliminated.
+    force: DMatrix<f64>,
+    relaxed: DMatrix<f64>,
+    frame_inverse: DMatrix<f64>,
     /// Added mass of the whole canopy in vertical motion, kg.
     pub vertical_added_mass: f64,
 }
@@ -131,35 +134,55 @@ impl AddedMassRelaxation {
             group_normals,
             group_forces: DMatrix::from_fn(n, 3, |i, j| forces[(i, j)]),
             inverse,
-            force: DVector::zeros(n),
-            relaxed_vertical: DVector::zeros(n),
-            velocity: 1.0,
+            force: DMatrix::zeros(n, 0),
+            relaxed: DMatrix::zeros(n, 0),
+            frame_inverse: DMatrix::zeros(0, 0),
             vertical_added_mass: 0.0,
         };
-        model.orient(&Vec3::z(), areas, normals);
-        let usable = model.vertical_added_mass.is_finite() && model.velocity > 0.1;
+        let usable = model.orient(&Matrix3::identity(), areas, normals);
         usable.then_some(model)
     }
 
-    /// Sets normals and vertical terms: `up` in the axes of the lattice, areas and normals of the faces.
-    fn orient(&mut self, up: &Vec3, areas: &[Vec3], normals: &[Vec3]) {
+    /// Sets normals and the terms of the frame: its `rotation` against the lattice, areas and normals of the faces. Whether
+    /// the frame's equation can be solved.
+    fn orient(&mut self, rotation: &Matrix3<f64>, areas: &[Vec3], normals: &[Vec3]) -> bool {
         self.face_normals = normals.to_vec();
         self.node_normals.fill(Vec3::zeros());
         for (face, area) in self.faces.iter().zip(areas) {
             distinct(face).iter().for_each(|&node| self.node_normals[node as usize] += area);
         }
         self.node_normals.iter_mut().for_each(|normal| *normal = direction(normal));
-        let vertical = &self.group_normals * up;
-        let force = &self.group_forces * up;
-        self.relaxed_vertical = &self.relaxed_normals * up;
-        self.vertical_added_mass = force.dot(&vertical);
+        let up = rotation.row(2).transpose();
+        self.vertical_added_mass = (&self.group_forces * up).dot(&(&self.group_normals * up));
+        let axes: Vec<_> = self.unknowns.axes().range().map(|axis| rotation.row(axis).transpose()).collect();
+        let along = |vectors: &DMatrix<f64>| {
+            DMatrix::from_fn(vectors.nrows(), axes.len(), |g, k| vectors.row(g).dot(&axes[k].transpose()))
+        };
         let falling_kg = self.masses.falling_kg;
-        self.force = if falling_kg > 0.0 { force / falling_kg } else { DVector::zeros(vertical.len()) };
-        self.velocity = 1.0 + 1.5 * self.force.dot(&vertical) - 1.5 * self.force.dot(&self.relaxed_vertical);
+        let inverse_mass = if falling_kg > 0.0 { 1.0 / falling_kg } else { 0.0 };
+        self.force = along(&self.group_forces) * inverse_mass;
+        self.relaxed = along(&self.relaxed_normals);
+        let matrix = DMatrix::identity(axes.len(), axes.len())
+            + self.force.transpose() * (along(&self.group_normals) - &self.relaxed) * 1.5;
+        let solvable = self.vertical_added_mass.is_finite() && matrix.determinant() > LEAST_DETERMINANT;
+        self.frame_inverse = matrix
+            .try_inverse()
+            .filter(|_| solvable)
+            .unwrap_or_else(|| DMatrix::identity(axes.len(), axes.len()));
+        solvable
     }
 }
 
 impl AddedMassRelaxation {
+    /// Normal steps of the groups and step of the frame for their residuals $`r`$ and $`r_V`$, by elimination of
+    /// $`\delta x`$.
+    fn solve(&self, r: &DVector<f64>, r_v: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
+        let mut normal_steps = apply_inverse(self.gain, &self.inverse, r);
+        let frame = &self.frame_inverse * (r_v - self.force.tr_mul(&normal_steps) * 2.25);
+        normal_steps.gemv(-2.0 / 3.0, &self.relaxed, &frame, 1.0);
+        (normal_steps, frame)
+    }
+
     pub(crate) fn faces(&self) -> &[[u32; 4]] {
         &self.faces
     }
@@ -183,13 +206,10 @@ impl Relaxation for AddedMassRelaxation {
     }
 
     fn turn(&mut self, orientation: &Orientation) {
-        // R^T z.
-        let up = orientation.rotation.row(2).transpose();
-        self.orient(&up, &orientation.areas, &orientation.normals);
+        self.orient(&orientation.rotation, &orientation.areas, &orientation.normals);
     }
 
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
-        let moved = self.unknowns.displacements();
         // Normal residual at the faces, and the corresponding step.
         let on_faces: Vec<f64> = self
             .faces
@@ -201,14 +221,12 @@ impl Relaxation for AddedMassRelaxation {
             })
             .collect();
         let means = DVector::from_vec(self.groups.means(&on_faces));
-        let mut normal_steps = apply_inverse(self.gain, &self.inverse, &means);
         // The frame's motion in the unit of displacements.
         let scale = (self.unknowns.displacements() as f64 / 3.0).sqrt();
-        if let Some(r) = residual.get(moved) {
-            let frame = (r / scale - 2.25 * self.force.dot(&normal_steps)) / self.velocity;
-            normal_steps.axpy(-2.0 / 3.0 * frame, &self.relaxed_vertical, 1.0);
-            step[moved] = frame * scale;
-        }
+        let places = self.unknowns.velocities();
+        let frame = DVector::from_column_slice(&residual[places.clone()]) / scale;
+        let (normal_steps, frame) = self.solve(&means, frame);
+        step[places].copy_from_slice((frame * scale).as_slice());
         // Back to the nodes, as means over their faces: [residual, step].
         let mut nodes = vec![[0.0; 2]; self.node_normals.len()];
         for ((face, &g), normal_residual) in self.faces.iter().zip(&self.groups.of).zip(&on_faces) {
@@ -242,6 +260,7 @@ mod tests {
     use nalgebra::Rotation3;
 
     use super::*;
+    use crate::frame_axes::FrameAxes;
     use crate::schemes::test_support::plate;
 
     fn masses() -> MassProperties {
@@ -259,7 +278,7 @@ mod tests {
 
     fn grouped(n: usize, most: usize) -> (AddedMassRelaxation, Vec<mesh::Point>) {
         let (positions, faces) = plate(n);
-        let unknowns = Unknowns::new(positions.len(), 5e-3, true);
+        let unknowns = Unknowns::new(positions.len(), 5e-3, FrameAxes::Vertical);
         let lattice = VortexLattice::new(&positions, &faces, most, 0.0).unwrap();
         (AddedMassRelaxation::new(unknowns, &faces, &masses(), &lattice).unwrap(), positions)
     }
@@ -295,25 +314,33 @@ mod tests {
         assert!(step[middle + 2] > 0.01 && step[middle + 2] < 0.2, "{}", step[middle + 2]);
     }
 
+    /// Residuals of a motion of the faces with a change of the frame's velocity, from the equations of the model around a
+    /// bent canopy: the solution is both.
     #[test]
-    fn inverts_its_linear_model_of_flow_and_descent() {
-        // Residual of a uniform normal displacement dx with a change dV of the frame velocity, from the model's
-        // equations: the step must return both.
-        let (model, positions) = model(12);
-        let n = model.faces.len();
-        let influence = VortexLattice::new(&positions, &model.faces, usize::MAX, 0.0).unwrap().influence;
-        let (dx, dv) = (DVector::from_element(n, 0.3), -0.2);
-        let pressed = influence.lu().solve(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
-        let response = 0.275 / 0.0373;
-        let on_faces = &dx + pressed.unwrap() * response;
-        let frame = dv + model.force.dot(&(&dx * 2.25 + DVector::from_element(n, 1.5 * dv)));
-        let mut normal_steps = apply_inverse(model.gain, &model.inverse, &on_faces);
-        let found = (frame - 2.25 * model.force.dot(&normal_steps)) / model.velocity;
-        normal_steps.axpy(-2.0 / 3.0 * found, &model.relaxed_vertical, 1.0);
-        // The inverse is in single precision: 4e-8 and 2e-6 here.
-        assert!((found - dv).abs() < 1e-6, "{found}");
-        assert!((normal_steps - dx).norm() < 1e-5);
-        assert_eq!(positions.len(), 169);
+    fn inverts_its_linear_model_of_flow_and_frame() {
+        let (mut positions, faces) = plate(12);
+        positions.iter_mut().for_each(|x| x[2] = 0.5 * (x[0] - 0.4).powi(2) + 0.6 * x[0] * x[1]);
+        let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).unwrap();
+        let influence = lattice.influence.clone().lu();
+        for axes in [FrameAxes::None, FrameAxes::Vertical, FrameAxes::All] {
+            let unknowns = Unknowns::new(positions.len(), 5e-3, axes);
+            let model = AddedMassRelaxation::new(unknowns, &faces, &masses(), &lattice).unwrap();
+            let dx = DVector::from_fn(faces.len(), |i, _| 0.3 + 0.1 * (i as f64).sin());
+            let dv = DVector::from_fn(axes.len(), |i, _| -0.2 + 0.15 * i as f64);
+            let along =
+                DMatrix::from_fn(faces.len(), axes.len(), |f, k| lattice.normals[f][axes.range().start + k]);
+            let moved = &dx * 2.25 + &along * &dv * 1.5;
+            let r = &dx + influence.solve(&moved).unwrap() * (0.275 / 0.0373);
+            // Force of the air per acceleration over the mass of 1 kg: area vectors times the pressure jumps.
+            let jumps = influence.solve(&moved).unwrap();
+            let force =
+                |axis: usize| lattice.areas.iter().zip(jumps.iter()).map(|(a, p)| a[axis] * p).sum::<f64>();
+            let r_v = &dv + DVector::from_iterator(axes.len(), axes.range().map(force));
+            let (found, frame) = model.solve(&r, r_v);
+            // The inverse is in single precision.
+            assert!((frame - &dv).norm() < 1e-5, "{axes:?}");
+            assert!((found - &dx).norm() < 1e-5 * dx.norm(), "{axes:?}");
+        }
     }
 
     /// After a rotation of the whole canopy the step is that of a model which was assembled for the rotated canopy.
@@ -324,25 +351,28 @@ mod tests {
         let rotation = Rotation3::from_euler_angles(0.4, -0.9, 0.2).into_inner();
         let turned: Vec<mesh::Point> = positions.iter().map(|x| (rotation * Vec3::from(*x)).into()).collect();
         let lattices = [&positions, &turned].map(|x| VortexLattice::new(x, &faces, 32, 0.0).unwrap());
-        let unknowns = Unknowns::new(positions.len(), 5e-3, true);
-        let [mut model, fresh] =
-            lattices.each_ref().map(|l| AddedMassRelaxation::new(unknowns, &faces, &masses(), l).unwrap());
-        let VortexLattice { areas, normals, .. } = &lattices[1];
-        model.turn(&Orientation { rotation, areas: areas.clone(), normals: normals.clone() });
-        let residual: Vec<f64> = (0..=3 * positions.len()).map(|i| (0.3 * i as f64).cos() + 0.2).collect();
-        let mut steps = [vec![0.0; residual.len()], vec![0.0; residual.len()]];
-        model.apply(&residual, &mut steps[0]);
-        fresh.apply(&residual, &mut steps[1]);
-        let largest = |x: &[f64]| x.iter().fold(0.0f64, |most, v| most.max(v.abs()));
-        let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
-        assert!(largest(&difference) < 1e-5 * largest(&steps[1]), "{}", largest(&difference));
-        let masses = model.vertical_added_mass / fresh.vertical_added_mass - 1.0;
-        assert!(masses.abs() < 1e-9, "{masses}");
-        // The rotation matters here.
-        let still =
-            AddedMassRelaxation::new(unknowns, &faces, &super::tests::masses(), &lattices[0]).unwrap();
-        still.apply(&residual, &mut steps[0]);
-        let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
-        assert!(largest(&difference) > 0.1 * largest(&steps[1]), "{}", largest(&difference));
+        for axes in [FrameAxes::Vertical, FrameAxes::All] {
+            let unknowns = Unknowns::new(positions.len(), 5e-3, axes);
+            let [mut model, fresh] = lattices
+                .each_ref()
+                .map(|l| AddedMassRelaxation::new(unknowns, &faces, &masses(), l).unwrap());
+            let VortexLattice { areas, normals, .. } = &lattices[1];
+            model.turn(&Orientation { rotation, areas: areas.clone(), normals: normals.clone() });
+            let residual: Vec<f64> = (0..unknowns.len()).map(|i| (0.3 * i as f64).cos() + 0.2).collect();
+            let mut steps = [vec![0.0; residual.len()], vec![0.0; residual.len()]];
+            model.apply(&residual, &mut steps[0]);
+            fresh.apply(&residual, &mut steps[1]);
+            let largest = |x: &[f64]| x.iter().fold(0.0f64, |most, v| most.max(v.abs()));
+            let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
+            assert!(largest(&difference) < 1e-5 * largest(&steps[1]), "{}", largest(&difference));
+            let masses = model.vertical_added_mass / fresh.vertical_added_mass - 1.0;
+            assert!(masses.abs() < 1e-9, "{masses}");
+            // The rotation matters here.
+            let still =
+                AddedMassRelaxation::new(unknowns, &faces, &super::tests::masses(), &lattices[0]).unwrap();
+            still.apply(&residual, &mut steps[0]);
+            let difference: Vec<f64> = steps[0].iter().zip(&steps[1]).map(|(a, b)| a - b).collect();
+            assert!(largest(&difference) > 0.1 * largest(&steps[1]), "{}", largest(&difference));
+        }
     }
 }

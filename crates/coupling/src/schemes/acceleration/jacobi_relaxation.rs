@@ -58,6 +58,7 @@ impl Relaxation for JacobiRelaxation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame_axes::FrameAxes;
     use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
     use crate::schemes::test_support::plate;
 
@@ -73,7 +74,7 @@ mod tests {
             response: 0.275,
             falling_kg: 0.0,
         };
-        let plain = Unknowns::new(positions.len(), dt, false);
+        let plain = Unknowns::new(positions.len(), dt, FrameAxes::None);
         let unknowns = plain.with_loads(LOAD_WIDTH * faces.len(), scale);
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
         let model = AddedMassRelaxation::new(unknowns, &faces, &masses, &lattice).expect("a plate");

@@ -136,8 +136,8 @@ impl InnerSolve {
         let largest = known.flatten().fold(0.0f64, |most, p| most.max(p.abs()));
         if largest > 0.0 {
             let most = MOST_PRESSURE * largest;
-            let faces = self.response.len() - 1;
-            self.response[..faces].iter_mut().for_each(|p| *p = p.clamp(-most, most));
+            let loads = self.model.loads_len();
+            self.response[..loads].iter_mut().for_each(|p| *p = p.clamp(-most, most));
         }
     }
 
@@ -147,11 +147,13 @@ impl InnerSolve {
         state: &mut WindowState,
         solvers: &mut Solvers<'_>,
     ) -> Result<(), RunError> {
-        let (loads, force) = self.response.split_at(self.response.len() - 1);
+        let (loads, forces) = self.response.split_at(self.model.loads_len());
+        let mut force = state.report.force;
+        force[self.model.force_axes()].copy_from_slice(forces);
         state.set_frame_velocity(solvers.unknowns.velocity(&self.x, state.interface.velocity));
         let load = self.applied.over_window(state, loads);
         solvers.structure_under(state, load)?;
-        solvers.descend_under(state, force[0]);
+        solvers.descend_under(state, force);
         solvers.unknowns.pack(&state.end.displacement, state.end.velocity, &mut self.x_tilde);
         Ok(())
     }
@@ -159,8 +161,7 @@ impl InnerSolve {
     /// The defect of the surrogate in the flow's response of this window, with the grid at the unknowns `x`.
     pub fn measure_defect(&mut self, state: &WindowState, x: &[f64], defect: &mut [f64]) {
         self.model.added_mass_load(x, state.window.dt, &mut self.response);
-        let force = state.report.force[2];
-        let truth = state.end.load.iter().chain(std::iter::once(&force));
+        let truth = state.end.load.iter().chain(&state.report.force[self.model.force_axes()]);
         for ((r, truth), added_mass_load) in defect.iter_mut().zip(truth).zip(&self.response) {
             *r = truth - added_mass_load;
         }

@@ -44,7 +44,7 @@ impl FromScene for RelaxedLoad {
             share: settings.coupling.relaxation,
             // A load of an earlier stage belongs to windows of another length.
             loads: TimeHistory::default(),
-            velocities: TimeHistory::from_start(&[settings.interface.velocity]),
+            velocities: TimeHistory::from_start(&settings.interface.velocity),
             start: Vec::new(),
             predicted: Vec::new(),
             mean: Vec::new(),
@@ -70,9 +70,9 @@ impl CouplingScheme for RelaxedLoad {
 
     fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
         let dt = state.window.dt;
-        let mut velocity = [state.interface.velocity];
+        let mut velocity = state.interface.velocity;
         self.velocities.extrapolate(self.order, dt, &mut velocity);
-        state.set_frame_velocity(velocity[0]);
+        state.set_frame_velocity(velocity);
         self.start = match self.loads.last() {
             Some(load) => load.to_vec(),
             None => solvers.start_load(state)?,
@@ -95,7 +95,7 @@ impl CouplingScheme for RelaxedLoad {
         let responses = state.end.load.iter().zip(&self.predicted);
         let relaxed: Vec<f64> = responses.map(|(f, p)| self.share * f + (1.0 - self.share) * p).collect();
         self.loads.push(&relaxed, dt);
-        self.velocities.push(&[state.end.velocity], dt);
+        self.velocities.push(&state.end.velocity, dt);
     }
 
     fn save_state(&self) -> Vec<u8> {

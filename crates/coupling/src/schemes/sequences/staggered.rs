@@ -25,7 +25,7 @@ impl FromScene for StructureFirstSerialStaggered {
     fn from_scene(settings: SchemeSettings<'_>) -> Self {
         // A load of an earlier stage belongs to windows of another length.
         let (loads, velocities) =
-            (TimeHistory::default(), TimeHistory::from_start(&[settings.interface.velocity]));
+            (TimeHistory::default(), TimeHistory::from_start(&settings.interface.velocity));
         Self { order: settings.predictor(), loads, velocities, predicted: Vec::new() }
     }
 
@@ -47,9 +47,9 @@ impl CouplingScheme for StructureFirstSerialStaggered {
     }
 
     fn sweep(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
-        let mut velocity = [state.interface.velocity];
+        let mut velocity = state.interface.velocity;
         self.velocities.extrapolate(self.order, state.window.dt, &mut velocity);
-        state.set_frame_velocity(velocity[0]);
+        state.set_frame_velocity(velocity);
         let start = solvers.start_load(state)?;
         self.predicted.clone_from(&start);
         self.loads.extrapolate(self.order, state.window.dt, &mut self.predicted);
@@ -62,7 +62,7 @@ impl CouplingScheme for StructureFirstSerialStaggered {
 
     fn accept(&mut self, state: &WindowState) {
         self.loads.push(&state.end.load, state.window.dt);
-        self.velocities.push(&[state.end.velocity], state.window.dt);
+        self.velocities.push(&state.end.velocity, state.window.dt);
     }
 
     fn save_state(&self) -> Vec<u8> {
@@ -166,12 +166,11 @@ impl CouplingScheme for ImprovedSerialStaggered {
         if solvers.descent.is_some_and(|d| d.equation == DescentEquation::QuasiSteady) {
             // The frame's mean acceleration over the structure's window follows from the same force.
             solvers.descend(state);
-            state.window.frame_acceleration[2] =
-                (state.end.velocity - state.interface.velocity) / state.window.dt;
+            state.window.frame_acceleration = state.frame_acceleration(state.end.velocity);
             solvers.structure_under(state, load)?;
         } else {
             // It follows from the structure, whose own contribution is small: use that of the window before.
-            state.window.frame_acceleration[2] = state.interface.acceleration;
+            state.window.frame_acceleration = state.interface.acceleration;
             solvers.structure_under(state, load)?;
             solvers.descend(state);
         }

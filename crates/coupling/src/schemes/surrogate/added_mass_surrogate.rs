@@ -21,6 +21,7 @@
 //! canopy leaves the matrix as it is ([`super::orientation`]).
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use channel::LOAD_WIDTH;
 use serde::{Deserialize, Serialize};
@@ -93,7 +94,8 @@ pub enum SurrogateUpdate {
     Turned(Orientation),
 }
 
-/// The added-mass surrogate. Its response: loads `[faces][LOAD_WIDTH]` (Pa), then the vertical force (N).
+/// The added-mass surrogate. Its response: loads `[faces][LOAD_WIDTH]` (Pa), then the force on the canopy (N) in the axes of the
+/// frame, the vertical one at least.
 pub struct AddedMassSurrogate {
     unknowns: Unknowns,
     faces: Vec<[u32; 4]>,
@@ -111,8 +113,8 @@ pub struct AddedMassSurrogate {
     /// Displacement of the canopy at the last update of `normals` and `areas`, where later than the assembly.
     turned_for: Option<Vec<f64>>,
     normals: Vec<Vec3>,
-    /// Vertical areas of the faces, m2.
-    areas: Vec<f64>,
+    /// Area vectors of the faces, m2.
+    areas: Vec<Vec3>,
     groups: PanelGroups,
     /// Inverse of the influence matrix.
     inverse: Inverse,
@@ -132,7 +134,7 @@ impl AddedMassSurrogate {
         unknowns: Unknowns,
         lattice: &VortexLattice,
         displacement: &[f64],
-        velocity: f64,
+        velocity: [f64; 3],
         faces: &[[u32; 4]],
         air: Air,
         most: usize,
@@ -143,7 +145,7 @@ impl AddedMassSurrogate {
         let inverse = Inverse::of(&factors(&lattice.influence))?;
         let moved = displacement.chunks_exact(3);
         let reference = lattice.positions.iter().zip(moved).map(|(x, d)| x - Vec3::from_column_slice(d));
-        let at_rest = [0.0, 0.0, velocity].repeat(lattice.positions.len());
+        let at_rest = velocity.repeat(lattice.positions.len());
         let kinematics =
             VecDeque::from([InterfaceKinematics { displacement: displacement.to_vec(), velocity: at_rest }]);
         Some(Self {
@@ -157,7 +159,7 @@ impl AddedMassSurrogate {
             assembled_normals: lattice.normals.clone(),
             turned_for: None,
             normals: lattice.normals.clone(),
-            areas: lattice.areas.iter().map(|a| a[2]).collect(),
+            areas: lattice.areas.clone(),
             groups: lattice.groups.clone(),
             inverse,
             kinematics,
@@ -210,7 +212,7 @@ impl AddedMassSurrogate {
     /// Takes over the normals and areas of a canopy displaced by `shape`.
     fn turn(&mut self, shape: Vec<f64>, orientation: Orientation) -> Orientation {
         self.normals.clone_from(&orientation.normals);
-        self.areas = orientation.areas.iter().map(|a| a[2]).collect();
+        self.areas.clone_from(&orientation.areas);
         self.turned_for = Some(shape);
         orientation
     }
@@ -223,7 +225,7 @@ impl AddedMassSurrogate {
         self.inverse = Inverse::of(&factors(&lattice.influence))?;
         self.normals.clone_from(&lattice.normals);
         self.assembled_normals.clone_from(&lattice.normals);
-        self.areas = lattice.areas.iter().map(|a| a[2]).collect();
+        self.areas.clone_from(&lattice.areas);
         self.groups = lattice.groups.clone();
         self.assembled_for = (displacement, dt);
         self.turned_for = None;
@@ -248,7 +250,17 @@ impl AddedMassSurrogate {
 
     /// Length of a response.
     pub fn response_len(&self) -> usize {
-        self.faces.len() * LOAD_WIDTH + 1
+        self.loads_len() + self.force_axes().len()
+    }
+
+    /// Number of loads in a response.
+    pub fn loads_len(&self) -> usize {
+        self.faces.len() * LOAD_WIDTH
+    }
+
+    /// Components of the force on the canopy in a response.
+    pub fn force_axes(&self) -> Range<usize> {
+        self.unknowns.axes().of_forces()
     }
 
     /// Coefficients of the backward difference in a window of length `dt`, as in the flow; `None`: first order.
@@ -258,7 +270,7 @@ impl AddedMassSurrogate {
 
     /// Velocity of the nodes relative to the ground at the end of a window, at the unknowns `x`.
     fn velocities(&self, x: &[f64], dt: f64) -> Vec<f64> {
-        let frame = self.unknowns.velocity(x, self.kinematics[0].velocity[2]);
+        let frame = self.unknowns.velocity(x, [0.0; 3]);
         let at = self.unknowns.displacement(x);
         let past = |k: usize| &self.kinematics[k].displacement;
         let mut v: Vec<f64> = match self.difference(dt) {
@@ -268,8 +280,8 @@ impl AddedMassSurrogate {
             }
             None => at.iter().zip(past(0)).map(|(x, x1)| (x - x1) / dt).collect(),
         };
-        if self.unknowns.descends() {
-            v.chunks_exact_mut(3).for_each(|v| v[2] += frame);
+        for axis in self.unknowns.axes().range() {
+            v[axis..].iter_mut().step_by(3).for_each(|v| *v += frame[axis]);
         }
         v
     }
@@ -302,7 +314,7 @@ impl AddedMassSurrogate {
         let means = self.groups.means(&accelerations);
         let jump = self.inverse.apply(&means);
         response.fill(0.0);
-        let mut force = 0.0;
+        let mut force = Vec3::zeros();
         let faces = accelerations.iter().zip(&self.groups.of).zip(&self.areas);
         for (row, ((acceleration, &g), area)) in response.chunks_exact_mut(LOAD_WIDTH).zip(faces) {
             let g = g as usize;
@@ -310,7 +322,7 @@ impl AddedMassSurrogate {
                 -self.air.density * (jump[g] + self.groups.short_wave_length[g] * (acceleration - means[g]));
             force += area * row[0];
         }
-        response[self.faces.len() * LOAD_WIDTH] = force;
+        response[self.loads_len()..].copy_from_slice(&force.as_slice()[self.force_axes()]);
     }
 
     /// Adds a secant: where [`AddedMassSurrogate::added_mass_load`] changed by `step` within a window, the defect of
@@ -396,6 +408,7 @@ impl AddedMassSurrogate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame_axes::FrameAxes;
     use crate::schemes::test_support::plate;
 
     const CELLS: usize = 24;
@@ -404,12 +417,12 @@ mod tests {
     /// each point.
     fn impulsive_load(most: usize, motion: impl Fn(&mesh::Point) -> f64) -> Vec<f64> {
         let (positions, faces) = plate(CELLS);
-        let unknowns = Unknowns::new(positions.len(), 1.0, false);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
         let rest = vec![0.0; 3 * positions.len()];
         let lattice = VortexLattice::new(&positions, &faces, most, 0.0).expect("a plate");
         let air = Air::incompressible(1.0);
         let model =
-            AddedMassSurrogate::new(unknowns, &lattice, &rest, 0.0, &faces, air, most).expect("a plate");
+            AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], &faces, air, most).expect("a plate");
         let x: Vec<f64> = positions.iter().flat_map(|p| [0.0, 0.0, motion(p)]).collect();
         let mut response = vec![0.0; model.response_len()];
         model.added_mass_load(&x, 1.0, &mut response);
@@ -467,14 +480,15 @@ mod tests {
     #[test]
     fn small_steps_add_secants_only_for_steep_responses() {
         let (positions, faces) = plate(4);
-        let unknowns = Unknowns::new(positions.len(), 1.0, false);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
         let rest = vec![0.0; 3 * positions.len()];
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
         let air = Air::incompressible(1.0);
         let (least, load, step) = (1e-3, 10.0, 1e-4);
         for (slope, added) in [(0.5, 0), (0.9 * STEEP_SLOPE, 0), (1.1 * STEEP_SLOPE, 0), (50.0, 1)] {
-            let mut model = AddedMassSurrogate::new(unknowns, &lattice, &rest, 0.0, &faces, air, usize::MAX)
-                .expect("a plate");
+            let mut model =
+                AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], &faces, air, usize::MAX)
+                    .expect("a plate");
             let along = |length: f64| {
                 let mut vector = vec![0.0; model.response_len()];
                 vector[0] = length;
@@ -494,12 +508,13 @@ mod tests {
     #[test]
     fn velocities_are_exact_for_parabolas_and_positions_for_any_start() {
         let (positions, faces) = plate(4);
-        let unknowns = Unknowns::new(positions.len(), 1.0, false);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
         let start: Vec<f64> = (0..3 * positions.len()).map(|i| 0.1 * (i as f64).sin()).collect();
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
         let air = Air::incompressible(1.0);
-        let mut model = AddedMassSurrogate::new(unknowns, &lattice, &start, 0.0, &faces, air, usize::MAX)
-            .expect("a plate");
+        let mut model =
+            AddedMassSurrogate::new(unknowns, &lattice, &start, [0.0; 3], &faces, air, usize::MAX)
+                .expect("a plate");
         let at = |t: f64| -> Vec<f64> {
             start.iter().enumerate().map(|(i, s)| s + (1.0 + i as f64) * t - 2.0 * t * t).collect()
         };
@@ -538,11 +553,11 @@ mod tests {
     }
 
     fn surrogate(positions: &[mesh::Point], faces: &[[u32; 4]]) -> AddedMassSurrogate {
-        let unknowns = Unknowns::new(positions.len(), 1.0, false);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
         let lattice = VortexLattice::new(positions, faces, usize::MAX, 0.0).expect("a plate");
         let rest = vec![0.0; 3 * positions.len()];
         let air = Air::incompressible(1.2);
-        AddedMassSurrogate::new(unknowns, &lattice, &rest, 0.0, faces, air, usize::MAX).expect("a plate")
+        AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], faces, air, usize::MAX).expect("a plate")
     }
 
     /// A rotation is followed without a new matrix and without losing secants: the loads are those of a surrogate that was assembled for the rotated canopy. Another

@@ -27,7 +27,7 @@ pub struct WindowReport {
     /// Pseudo-time iterations of the flow over all its solves.
     pub flow_iterations: f64,
     /// Sums of the statistics of structure, flow, mesh over all their solves; meaningful for counts.
-    pub sums: [[f64; channel::STATS]; 3],
+    pub sums: [Stats; 3],
     /// Seconds that structure, flow, mesh computed, over all iterations.
     pub busy_s: [f64; 3],
     /// Seconds from request to response of structure, flow, mesh, over all iterations.
@@ -35,11 +35,10 @@ pub struct WindowReport {
 }
 
 impl WindowReport {
-    /// Vertical forces of the descent equation, with the `acceleration` (m/s2) of the frame in the structure's last
-    /// solve.
-    pub fn forces(&self, acceleration: f64) -> WindowForces<'_> {
+    /// Forces of the descent equation, with the `acceleration` (m/s2) of the frame in the structure's last solve.
+    pub fn forces(&self, acceleration: [f64; 3]) -> WindowForces<'_> {
         let structure = &self.stats[Role::Structure as usize];
-        WindowForces { canopy: self.force[2], structure, frame_acceleration: acceleration }
+        WindowForces { canopy: self.force.into(), structure, frame_acceleration: acceleration.into() }
     }
 
     /// Adds the response of the program of `role`.
@@ -47,7 +46,7 @@ impl WindowReport {
         let at = role as usize;
         self.stats[at] = response.stats;
         self.solves[at] += 1;
-        self.sums[at].iter_mut().zip(&response.stats.values).for_each(|(sum, value)| *sum += value);
+        self.sums[at].values.iter_mut().zip(&response.stats.values).for_each(|(sum, value)| *sum += value);
         self.busy_s[at] += response.stats.busy_s;
         self.wall_s[at] += response.wall_s;
         if role == Role::Flow {

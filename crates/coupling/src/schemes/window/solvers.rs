@@ -79,15 +79,15 @@ impl Solvers<'_> {
 
     /// Solves the descent equation after flow and structure: the frame's velocity is stored in [`WindowState::end`].
     pub fn descend(&self, state: &mut WindowState) {
-        self.descend_under(state, state.report.force[2]);
+        self.descend_under(state, state.report.force);
     }
 
-    /// The same with another vertical force of the air on the canopy at the end of the window, N.
-    pub fn descend_under(&self, state: &mut WindowState, force: f64) {
+    /// The same with another force of the air on the canopy at the end of the window, N.
+    pub fn descend_under(&self, state: &mut WindowState, force: [f64; 3]) {
         state.end.velocity = match self.descent {
             Some(model) => {
-                let measured = state.report.forces(state.window.frame_acceleration[2]);
-                let forces = WindowForces { canopy: force, ..measured };
+                let measured = state.report.forces(state.window.frame_acceleration);
+                let forces = WindowForces { canopy: force.into(), ..measured };
                 model.end_velocity(state.interface.velocity, &forces, state.window.dt)
             }
             None => state.interface.velocity,

@@ -83,10 +83,14 @@ impl WindowState {
     }
 
     /// Sets the frame velocity at the end of the window to `velocity` (m/s).
-    pub fn set_frame_velocity(&mut self, velocity: f64) {
-        let rate = (velocity - self.interface.velocity) / self.window.dt;
-        self.window.frame_velocity = [0.0, 0.0, velocity];
-        self.window.frame_acceleration = [0.0, 0.0, rate];
+    pub fn set_frame_velocity(&mut self, velocity: [f64; 3]) {
+        self.window.frame_velocity = velocity;
+        self.window.frame_acceleration = self.frame_acceleration(velocity);
+    }
+
+    /// Mean acceleration (m/s2) of a frame that has this velocity (m/s) at the end of the window.
+    pub fn frame_acceleration(&self, velocity: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|i| (velocity[i] - self.interface.velocity[i]) / self.window.dt)
     }
 
     /// Sets the frame velocity at the end of the window to that of the iterate.
@@ -111,9 +115,11 @@ impl WindowState {
 
     /// Accepts the values at the end of the window as the start of the next one.
     pub fn accept(&mut self) {
+        let acceleration = self.frame_acceleration(self.end.velocity);
         let (interface, end) = (&mut self.interface, &self.end);
-        interface.acceleration = (end.velocity - interface.velocity) / self.window.dt;
-        interface.velocity = end.velocity;
+        let mean = |i: usize| 0.5 * (interface.velocity[i] + end.velocity[i]);
+        interface.position = std::array::from_fn(|i| interface.position[i] + mean(i) * self.window.dt);
+        (interface.velocity, interface.acceleration) = (end.velocity, acceleration);
         interface.displacement.copy_from_slice(&end.displacement);
         std::mem::swap(&mut interface.load, &mut interface.load_before);
         let load = interface.load.get_or_insert_default();

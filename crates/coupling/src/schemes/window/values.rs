@@ -15,10 +15,12 @@ pub struct InterfaceState {
     /// The same one window earlier.
     #[serde(default)]
     pub load_before: Option<Vec<f64>>,
-    /// Vertical velocity of the frame, m/s, positive up.
-    pub velocity: f64,
-    /// Mean vertical acceleration of the frame over the window, m/s2.
-    pub acceleration: f64,
+    /// Velocity of the frame relative to the ground, m/s.
+    pub velocity: [f64; 3],
+    /// Mean acceleration of the frame over the window, m/s2.
+    pub acceleration: [f64; 3],
+    /// Position of the frame relative to that at the start of the first coupled stage, m.
+    pub position: [f64; 3],
 }
 
 impl InterfaceState {
@@ -26,7 +28,7 @@ impl InterfaceState {
     pub fn at_start(scene: &Scene, interface: &CanopyInterface) -> Self {
         Self {
             displacement: vec![0.0; 3 * interface.nodes()],
-            velocity: scene.descent.as_ref().map_or(0.0, |d| -d.initial_speed_m_s),
+            velocity: scene.resolved().initial_velocity_m_s,
             ..Self::default()
         }
     }
@@ -49,6 +51,6 @@ pub struct InterfaceValues {
     pub displacement: Vec<f64>,
     /// Load of the flow, `[faces][LOAD_WIDTH]`, Pa.
     pub load: Vec<f64>,
-    /// Vertical velocity of the frame, m/s.
-    pub velocity: f64,
+    /// Velocity of the frame, m/s.
+    pub velocity: [f64; 3],
 }

@@ -95,8 +95,8 @@ impl Problem {
     fn check_descent(&self, state: &WindowState) -> Result<(), RunError> {
         let Some(model) = &self.descent else { return Ok(()) };
         let (w, velocity) = (&state.window, state.end.velocity);
-        let acceleration = (velocity - state.interface.velocity) / w.dt;
-        let limits = Limits::of(model, acceleration, velocity, &state.report.forces(w.frame_acceleration[2]));
+        let acceleration = state.frame_acceleration(velocity);
+        let limits = Limits::of(model, acceleration, velocity, &state.report.forces(w.frame_acceleration));
         match limits.downward() {
             None => Ok(()),
             Some(message) => Err(RunError::Unphysical { place: self.place(w), message }),
