@@ -53,7 +53,7 @@ class MassSpring(ripstop.Participant):
     role = "structure"
     program = "mass-spring"
     version = "1"
-    effects = ("fabric.wrinkling", "lines", "resume", "descent.equation")
+    effects = ("fabric.wrinkling", "lines", "resume", "descent.equation", "descent.motion")
 
     def __init__(self, run):
         if run.ranks != 1:
@@ -76,7 +76,7 @@ class MassSpring(ripstop.Participant):
         self.mass, self.per_mass = mass, np.repeat(1 / mass[:, None], 3, axis=1)
         for node, held in mesh["fixed"]:
             self.per_mass[node, held] = 0.0
-        self.falling = np.where(self.per_mass[:, 2] > 0.0, mass, 0.0)
+        self.moving = np.where(self.per_mass > 0.0, mass[:, None], 0.0)
         # Gershgorin: the square of the highest frequency is at most twice the stiffness around a node by its mass.
         around = sum(np.bincount(self.ends[:, k], self.stiffness, n) for k in range(2))
         free = self.per_mass.any(axis=1)
@@ -114,7 +114,7 @@ class MassSpring(ripstop.Participant):
         steps = max(window.substeps, int(np.ceil(window.dt / self.stable)))
         dt = window.dt / steps
         keep = 1 / (1 + dt * self.stage["mass_damping_per_s"])
-        u, v, work, impulse = self.u.copy(), self.v.copy(), 0.0, 0.0
+        u, v, work, impulse = self.u.copy(), self.v.copy(), 0.0, np.zeros(3)
         for step in range(steps):
             x = self.rest_shape + u
             s = (step + 0.5) / steps
@@ -122,15 +122,15 @@ class MassSpring(ripstop.Participant):
             v = keep * (v + dt * self.per_mass * (outside + self.pull(x)[0]))
             u += dt * v
             work += dt * np.sum(outside * v)
-            impulse += dt * outside[:, 2].sum()
+            impulse += dt * outside.sum(axis=0)
         if not np.isfinite(u).all():
             raise ripstop.Fault(f"the net diverged in window {window.index} (t = {window.time} s)")
         x = self.rest_shape + u
         tension, (_, force, area) = self.pull(x)[1], self.push(x, canopy[:, 1])
         self.trial = u, v
         # What the lines pass on to the payload: the impulse of the air that neither moves the net nor is damped.
-        damped = self.stage["mass_damping_per_s"] * (u - self.u)[:, 2]
-        kept = self.falling @ ((v - self.v)[:, 2] + damped)
+        damped = self.stage["mass_damping_per_s"] * (u - self.u)
+        kept = np.sum(self.moving * (v - self.v + damped), axis=0)
         output[:] = u[: self.canopy_nodes]
         return {
             "kinetic_energy": 0.5 * np.sum(self.mass[:, None] * v**2),
@@ -139,7 +139,7 @@ class MassSpring(ripstop.Participant):
             "vertical_load": force[:, 2].sum(),
             "projected_area": abs(area[:, 2].sum()),
             "support_force": (impulse - kept) / window.dt,
-            "vertical_momentum": self.falling @ v[:, 2],
+            "momentum": np.sum(self.moving * v, axis=0),
             "max_line_tension": tension[len(tension) - self.lines :].max(initial=0.0),
         }
 

@@ -337,7 +337,7 @@ class RankServer:
             output = loan.payload.reshape(-1, WIDTH[self.unit])
             stats = self.participant.advance(w, command.payload.reshape(shape), grid, output) or {}
             self.finite(output)
-            for name, value in stats.items():
+            for name, value in self.numbers(stats):
                 if not np.isfinite(value):
                     raise Fault(f"statistic `{name}` is {value}: the solution has diverged")
                 header.values[STATISTICS[self.role][name]] = value
@@ -356,6 +356,18 @@ class RankServer:
         else:
             header.unit, header.length = self.unit, words
             self.answer(loan.send(header))
+
+    def numbers(self, stats):
+        """Names and values of single statistics; a vector `name` has three, `name_x` to `name_z`."""
+        known = STATISTICS[self.role]
+        for name, value in stats.items():
+            if name in known:
+                yield name, value
+            elif f"{name}_x" in known and np.shape(value) == (3,):
+                yield from zip((f"{name}_{axis}" for axis in "xyz"), value)
+            else:
+                what = "is a vector: give three numbers" if f"{name}_x" in known else "is unknown"
+                raise Fault(f"statistic `{name}` {what}; the {self.role} has {', '.join(known)}")
 
     def moved_grid(self, w):
         """The grid of window `w` for this reader's rows, `[rows][6]`, once the mesh has made it."""

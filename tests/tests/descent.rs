@@ -1,6 +1,7 @@
 //! The descent equation with all programs: bounded acceleration, and balance of momentum and energy of payload, fabric,
 //! lines and air.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use results::settled::SettledMean;
@@ -211,6 +212,27 @@ fn motion_relative_to_the_wind_is_that_in_still_air() {
     compare("frame_y_m", &|t| -t, 0.05);
 }
 
+/// The run ends in the window in which the payload reaches the ground, and later stages are not run.
+#[test]
+fn run_ends_at_touch_down() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let later = "duration_s = 0.1\nwindow_s = 5e-3\nsubsteps = 10";
+    let more = format!("{later}\n\n[[stage]]\nname = \"on\"\nkind = \"coupled\"\n{later}");
+    let file = small(folder.path(), &[(later, more.as_str())]);
+    let out = folder.path().join("out");
+    let options = ["--set", "descent.release_height_m=0.21", "--set", "descent.motion=three-dimensional"];
+    let output = succeed(ripstop_run(&file, &out, &options));
+    let height = History::read(&out, "descent").column("frame_z_m");
+    let (last, rest) = height.split_last().expect("windows");
+    assert!(*last <= -0.21 && rest.iter().all(|z| *z > -0.21), "{height:?}");
+    let text =
+        String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("touch-down after 0.06 s at 4.") && text.contains("`on` is not run"), "{text}");
+    assert!(!out.join("on").exists());
+    let summary = fs::read_to_string(out.join("summary.json")).expect("a summary");
+    assert!(summary.contains("touch-down after"), "{summary}");
+}
+
 /// In a side wind the momentum of canopy and payload changes by the impulse of the air in all axes, and no energy is added. A
 /// payload that is held sideways stays.
 #[test]
@@ -233,6 +255,8 @@ fn momentum_is_balanced_in_a_side_wind() {
     // The position is the integral of the velocity by the trapezoidal rule.
     let path = 5e-3 * (speed.iter().sum::<f64>() - 0.5 * speed[last]);
     assert!((position[last] / path - 1.0).abs() < 1e-6, "{} {path}", position[last]);
-    let held = run("held", &[]);
-    assert!(held.column("frame_vx_m_s").iter().all(|v| v.is_nan()));
+    run("held", &[]);
+    let columns = results::history::read(&folder.path().join("held/descent/history.csv")).expect("a table");
+    let (_, held) = columns.iter().find(|(name, _)| name == "frame_vx_m_s").expect("a column");
+    assert!(held.len() == free.len() && held.iter().all(|v| v.is_nan()), "{held:?}");
 }

@@ -120,6 +120,11 @@ impl<'a> Run<'a> {
         if self.stop.load(Ordering::Relaxed) {
             return Err(RunError::Interrupted(Location { stage: description.name.clone(), window: None }));
         }
+        if self.prepared.scene.has_landed(state.position) {
+            self.console
+                .line(&format!("stage `{}` is not run: the payload is on the ground", description.name));
+            return Ok(());
+        }
         let mut summary = StageSummary::new(description);
         let context = self.context(stage);
         let folder = case::stage_folder(context.out, context.scene, stage);

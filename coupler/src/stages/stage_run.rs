@@ -219,7 +219,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
     /// Whether the stage ends with the window of `row`; writes the snapshots that are due.
     pub fn ends(&mut self, row: &Row) -> Result<bool, RunError> {
         let _part = timing::part("snapshots");
-        let (settled, planned) = (self.stepper.settled(&row.report), self.clock.planned());
+        let settled = self.stepper.settled(&row.report).or_else(|| self.touch_down(row.time_s));
+        let planned = self.clock.planned();
         let last = settled.is_some() || planned == self.windows;
         // Snapshots are written at planned times only.
         if self.clock.at_planned() || last {
@@ -234,6 +235,19 @@ impl<'c, 'p> StageRun<'c, 'p> {
             self.ended = why;
         }
         Ok(last)
+    }
+
+    /// The end of a descent on the ground, with the figures of the landing.
+    fn touch_down(&self, time_s: f64) -> Option<String> {
+        let InterfaceState { position, velocity: [u, v, w], .. } = self.stepper.state();
+        self.context.scene.has_landed(*position).then(|| {
+            format!(
+                "touch-down after {time_s:.2} s at {:.2} m/s downwards and {:.2} m/s sideways, after a drift of {:.1} m",
+                -w,
+                u.hypot(*v),
+                position[0].hypot(position[1])
+            )
+        })
     }
 
     /// Saves a checkpoint if due, and prepares the next window.

@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on. [`Scene::resolved`]
 //! fills in the defaults.
 
+mod atmosphere;
 mod boundaries;
 mod check;
 mod error;
@@ -17,6 +18,7 @@ mod renamed;
 mod scene;
 mod wind;
 
+pub use atmosphere::{ALTITUDES, StandardAir};
 pub use boundaries::{Jump, jumps};
 pub use check::Allowed;
 pub use error::{Problem, SceneError};

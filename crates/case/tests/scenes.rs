@@ -604,3 +604,46 @@ fn fullness_of_sails_is_checked() {
         assert!(error.contains(message), "{message}: {error}");
     }
 }
+
+#[test]
+fn altitude_gives_the_air_that_the_scene_leaves_out() {
+    let of = |flow: &str| {
+        read(&ATPS.replacen("[flow.grid]", &format!("{flow}\n[flow.grid]"), 1)).unwrap().flow.unwrap()
+    };
+    let high = of("altitude_m = 5_000.0");
+    assert!((high.density_kg_m3 - 0.736116).abs() < 1e-5, "{}", high.density_kg_m3);
+    assert!((high.temperature_k - 255.65).abs() < 1e-9);
+    let given = of("altitude_m = 5000\ndensity_kg_m3 = 0.8\nviscosity = {}");
+    assert_eq!((given.density_kg_m3, given.temperature_k), (0.8, high.temperature_k));
+    assert!((given.viscosity.unwrap().dynamic_viscosity_pa_s - 1.6281e-5).abs() < 1e-9);
+    let laminar = of("altitude_m = 5000\nviscosity = { dynamic_viscosity_pa_s = 0.1 }");
+    assert_eq!(laminar.viscosity.unwrap().dynamic_viscosity_pa_s, 0.1);
+    let ground = of("altitude_m = 0");
+    assert!((ground.density_kg_m3 - 1.225).abs() < 1e-6);
+    let text = refused("[flow.grid]", "altitude_m = 3e4\n[flow.grid]");
+    assert!(text.contains("`flow.altitude_m`") && text.contains("20000"), "{text}");
+}
+
+#[test]
+fn frame_that_drifts_is_checked() {
+    let drift = "initial_drift_m_s = [3.0, 0.0]\n";
+    let text = refused("payload_mass_kg", &format!("{drift}payload_mass_kg"));
+    assert!(text.contains("moves vertically") && text.contains("three-dimensional"), "{text}");
+    let free = format!("{drift}motion = \"three-dimensional\"\npayload_mass_kg");
+    let scene = read(&ATPS.replacen("payload_mass_kg", &free, 1)).unwrap();
+    assert!(scene.frame_drifts());
+    assert_eq!(scene.resolved().initial_velocity_m_s, [3.0, 0.0, -4.8768]);
+    let body = |more: &str| {
+        format!(
+            "[fabric_gravity]\n[descent.body]\ninertia_kg_m2 = [5.0, 5.0, 3.0]\nattachments_m = [[0.0, 0.0, 0.2]]\n{more}\n[[stage]]"
+        )
+    };
+    let scene = read(&ATPS.replacen("[[stage]]", &body(""), 1)).unwrap();
+    assert!(scene.frame_drifts(), "a body is free");
+    let text = refused("[[stage]]", &body("initial_velocity_m_s = [0.1, 0.0, 0.0]"));
+    assert!(text.contains("follows the payload") && text.contains("motion = \"vertical\""), "{text}");
+    assert!(!scene.has_landed([0.0, 0.0, -1e6]));
+    let released = ATPS.replacen("payload_mass_kg", "release_height_m = 50.0\npayload_mass_kg", 1);
+    let scene = read(&released).unwrap();
+    assert!(scene.has_landed([9.0, 0.0, -50.0]) && !scene.has_landed([9.0, 0.0, -49.9]));
+}

@@ -22,20 +22,6 @@ pub const HISTORY: &[Column] = &[
     column("descent_speed_m_s", "Descent speed of the frame at the end of the window, positive downwards."),
     column("acceleration_m_s2", "Acceleration of the frame, positive upwards."),
     column(
-        "frame_x_m",
-        "Position of the frame over ground, relative to that at the start of the first coupled stage, along x. Empty, as the next six \
-         columns, where the frame moves vertically (`descent.motion`).",
-    ),
-    column("frame_y_m", "The same along y."),
-    column("frame_z_m", "The same along z, negative after a fall."),
-    column("frame_vx_m_s", "Velocity of the frame over ground at the end of the window, along x."),
-    column("frame_vy_m_s", "The same along y."),
-    column("horizontal_speed_m_s", "Horizontal speed of the frame over ground."),
-    column(
-        "glide_ratio",
-        "Horizontal over vertical speed of the frame relative to the undisturbed air. Empty where the wind depends on the height.",
-    ),
-    column(
         "drag_n",
         "Vertical force of the air on the canopy, positive upwards. In a stage of kind `flow-only` or without a canopy, with \
          `flow.forces.watch`, the force on the surfaces chosen there along their drag direction.",
@@ -61,6 +47,20 @@ pub const HISTORY: &[Column] = &[
     column(
         "stream_speed_m_s",
         "Speed U of the undisturbed air relative to the frame. Empty where the wake is not assessed.",
+    ),
+    column(
+        "frame_x_m",
+        "Position of the frame over ground, relative to that at the start of the first coupled stage, along x. Empty, as the next six \
+         columns, where the frame moves vertically (`descent.motion`).",
+    ),
+    column("frame_y_m", "The same along y."),
+    column("frame_z_m", "The same along z, negative after a fall."),
+    column("frame_vx_m_s", "Velocity of the frame over ground at the end of the window, along x."),
+    column("frame_vy_m_s", "The same along y."),
+    column("horizontal_speed_m_s", "Horizontal speed of the frame over ground."),
+    column(
+        "glide_ratio",
+        "Horizontal over vertical speed of the frame relative to the undisturbed air. Empty where the wind depends on the height.",
     ),
     column("coupling_iterations", "Coupling iterations of the window."),
     column(

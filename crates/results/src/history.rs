@@ -30,7 +30,7 @@ pub struct Trajectory {
 }
 
 impl Trajectory {
-    /// Horizontal over vertical speed of the frame relative to the air; infinite in level flight.
+    /// Horizontal over vertical speed of the frame relative to the air; infinite where it does not fall.
     pub fn glide_ratio(&self) -> Option<f64> {
         self.air_m_s.map(|[x, y, z]| x.hypot(y) / z.abs())
     }
@@ -229,13 +229,6 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 16] {
     [
         ("descent_speed_m_s", Number(row.descent_speed_m_s)),
         ("acceleration_m_s2", Number(row.acceleration_m_s2)),
-        ("frame_x_m", track(|t| t.position_m[0])),
-        ("frame_y_m", track(|t| t.position_m[1])),
-        ("frame_z_m", track(|t| t.position_m[2])),
-        ("frame_vx_m_s", track(|t| t.velocity_m_s[0])),
-        ("frame_vy_m_s", track(|t| t.velocity_m_s[1])),
-        ("horizontal_speed_m_s", track(|t| t.velocity_m_s[0].hypot(t.velocity_m_s[1]))),
-        ("glide_ratio", track(|t| t.glide_ratio().unwrap_or(f64::NAN))),
         ("drag_n", Number(row.drag_n)),
         ("cd", row.drag_coefficient.map_or(Nothing, Number)),
         ("force_x_n", Number(force[0])),
@@ -243,6 +236,13 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 16] {
         ("pendulum_angle_deg", row.wake.and_then(|w| w.pendulum_deg).map_or(Nothing, Number)),
         ("stream_diameters", row.wake.map_or(Nothing, |w| Number(w.diameters))),
         ("stream_speed_m_s", row.wake.map_or(Nothing, |w| Number(w.speed_m_s))),
+        ("frame_x_m", track(|t| t.position_m[0])),
+        ("frame_y_m", track(|t| t.position_m[1])),
+        ("frame_z_m", track(|t| t.position_m[2])),
+        ("frame_vx_m_s", track(|t| t.velocity_m_s[0])),
+        ("frame_vy_m_s", track(|t| t.velocity_m_s[1])),
+        ("horizontal_speed_m_s", track(|t| t.velocity_m_s[0].hypot(t.velocity_m_s[1]))),
+        ("glide_ratio", track(|t| t.glide_ratio().unwrap_or(f64::NAN))),
     ]
 }
 

@@ -18,6 +18,9 @@ pub struct Descent {
     /// glide.
     #[serde(default)]
     pub initial_drift_m_s: [f64; 2],
+    /// Height of the payload above ground at the start of the first coupled stage, m: the run ends when it touches down. Absent: it
+    /// falls for the duration of the stages.
+    pub release_height_m: Option<f64>,
     /// Directions in which the frame follows the payload. Absent: `three-dimensional` with `[descent.body]`, else `vertical`.
     pub motion: Option<FrameMotion>,
     /// Acceleration of gravity, m/s2.
@@ -109,6 +112,12 @@ impl Scene {
         self.descent.as_ref()?.body.as_ref()
     }
 
+    /// Whether a frame at this position (m, relative to its release) has reached the ground.
+    pub fn has_landed(&self, position: [f64; 3]) -> bool {
+        let height = self.descent.as_ref().and_then(|d| d.release_height_m);
+        height.is_some_and(|height| position[2] <= -height)
+    }
+
     /// Whether the frame moves in all directions.
     pub fn frame_drifts(&self) -> bool {
         self.descent.as_ref().is_some_and(|d| d.frame_motion() == FrameMotion::ThreeDimensional)
@@ -127,6 +136,18 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     mach(scene, c);
     let Some(d) = &scene.descent else { return };
+    if let (Some(height), Some(shear)) = (d.release_height_m, scene.shear())
+        && height != shear.start_height_m
+    {
+        c.refuse(
+            "descent.release_height_m",
+            format!(
+                "the release is {height} m above ground here and {} m in [flow.shear]",
+                shear.start_height_m
+            ),
+            "give both the same value, the height of the payload when the first flow stage begins",
+        );
+    }
     if let Some(p) = &d.payload_drag {
         c.positive("descent.payload_drag.drag_area_m2", p.drag_area_m2, 1e4, "an area in m2");
         if scene.shear().is_some() {
@@ -147,6 +168,9 @@ fn magnitudes(d: &Descent, c: &mut Check) {
     c.positive("descent.payload_mass_kg", d.payload_mass_kg, 1e6, "a mass in kg");
     let speed = "positive downwards, m/s";
     c.range("descent.initial_speed_m_s", d.initial_speed_m_s, 0.0..=1000.0, speed);
+    if let Some(height) = d.release_height_m {
+        c.positive("descent.release_height_m", height, 1e5, "above ground, m");
+    }
     for drift in d.initial_drift_m_s {
         c.range("descent.initial_drift_m_s", drift, -1000.0..=1000.0, "horizontal, m/s");
     }

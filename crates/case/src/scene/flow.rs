@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 use super::{boundary_values, flow_grid, gust, immersed, monitors, shear};
 use crate::check::Check;
 use crate::{
-    Condition, FlowBox, Forces, Grid, GridFile, Gust, Immersed, InletValues, MovingWall, OutletValues, Probe,
-    Scene, Shear, Slice, Statistics, SurfacePressure, UndisturbedAir,
+    ALTITUDES, Condition, FlowBox, Forces, Grid, GridFile, Gust, Immersed, InletValues, MovingWall,
+    OutletValues, Probe, Scene, Shear, Slice, StandardAir, Statistics, SurfacePressure, UndisturbedAir,
 };
 
 /// Specific gas constant of dry air, J/(kg K).
@@ -19,6 +19,9 @@ pub const HEAT_RATIO: f64 = 1.4;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Flow {
+    /// Geopotential altitude, m, whose International Standard Atmosphere (ISO 2533) gives density, temperature and viscosity where
+    /// the scene does not. They are constant during a run. Absent: sea level.
+    pub altitude_m: Option<f64>,
     /// Density of the undisturbed air, kg/m3.
     #[serde(default = "sea_level_density")]
     pub density_kg_m3: f64,
@@ -128,6 +131,25 @@ impl Flow {
     pub fn sound_speed(&self) -> f64 {
         let ratio = if self.energy.is_some() { HEAT_RATIO } else { 1.0 };
         (ratio * GAS_CONSTANT * self.temperature_k).sqrt()
+    }
+}
+
+impl Flow {
+    /// Gives the air of `altitude_m` to what the scene does not give; `given`: whether it has a key below `[flow]`.
+    pub(crate) fn fill_air(&mut self, given: impl Fn(&[&str]) -> bool) {
+        let Some(altitude) = self.altitude_m.filter(|h| ALTITUDES.contains(h)) else { return };
+        let air = StandardAir::at(altitude);
+        if !given(&["density_kg_m3"]) {
+            self.density_kg_m3 = air.density_kg_m3;
+        }
+        if !given(&["temperature_k"]) {
+            self.temperature_k = air.temperature_k;
+        }
+        if let Some(viscosity) = &mut self.viscosity
+            && !given(&["viscosity", "dynamic_viscosity_pa_s"])
+        {
+            viscosity.dynamic_viscosity_pa_s = air.dynamic_viscosity_pa_s;
+        }
     }
 }
 
@@ -301,6 +323,14 @@ fn body_force(f: &Flow, c: &mut Check) {
 /// Refuses invalid properties of the air and invalid equations, grids, monitors and winds.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let Some(f) = &scene.flow else { return };
+    if let Some(altitude) = f.altitude_m {
+        c.range(
+            "flow.altitude_m",
+            altitude,
+            ALTITUDES,
+            "geopotential altitude of the standard atmosphere, m",
+        );
+    }
     c.positive("flow.density_kg_m3", f.density_kg_m3, 1000.0, "a density in kg/m3");
     c.range("flow.temperature_k", f.temperature_k, 10.0..=5000.0, "a temperature in kelvin");
     if let Some(share) = f.convection.upwind_share {

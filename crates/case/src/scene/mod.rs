@@ -226,6 +226,9 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
             "`ripstop schema` prints what a scene may contain",
         )])
     })?;
+    if let Some(flow) = &mut scene.flow {
+        flow.fill_air(|keys| has_keys(document.get_ref(), "flow", keys));
+    }
     if let (Some(path), Some(folder)) = (scene.canopy.file_mut(), file.parent()) {
         *path = folder.join(&*path);
     }
@@ -244,8 +247,16 @@ pub fn parse(file: &Path, text: &str) -> Result<Scene, SceneError> {
 
 /// Whether a document has the key `key` in the section `section`.
 fn has_key(document: &DeTable<'_>, section: &str, key: &str) -> bool {
-    let table = document.get(section).and_then(|value| value.get_ref().as_table());
-    table.is_some_and(|table| table.contains_key(key))
+    has_keys(document, section, &[key])
+}
+
+/// Whether the table `section` has the key at the end of the path `keys`.
+fn has_keys(document: &DeTable<'_>, section: &str, keys: &[&str]) -> bool {
+    let mut value = document.get(section);
+    for key in keys {
+        value = value.and_then(|v| v.get_ref().as_table()).and_then(|table| table.get(*key));
+    }
+    value.is_some()
 }
 
 /// The ranges that the values of `scene` are compared with, in the order of the checks. A key that a scene does not have

@@ -9,6 +9,7 @@ use crate::{FaceTable, MeshError, StructureMesh, flow_grid, structure_mesh};
 pub(crate) fn flow_scene(canopy: Canopy) -> Scene {
     let mut scene = scene(canopy);
     scene.flow = Some(case::Flow {
+        altitude_m: None,
         density_kg_m3: 1.225,
         temperature_k: 288.15,
         wind_m_s: [0.0; 3],

@@ -5,28 +5,32 @@ use case::*;
 use crate::geometry::{Point, Vec3, at, triangle_area_vector};
 use crate::{CableKind, MeshError, StructureMesh, structure_mesh};
 
+fn cloth() -> Fabric {
+    Fabric {
+        material: None,
+        law: case::Law::default(),
+        youngs_modulus_pa: 9.5648e6,
+        poisson_ratio: 0.3,
+        thickness_m: 3.048e-5,
+        density_kg_m3: 1223.5093,
+        strength_n_m: None,
+        safety_factor: None,
+        retardation_time_s: 0.0,
+        wrinkling: true,
+        prestress_pa: 0.0,
+        bending_stiffness_n_m: None,
+        orthotropic: None,
+        permeability: None,
+        contact: None,
+    }
+}
+
 pub(crate) fn scene(canopy: Canopy) -> Scene {
     Scene {
         name: "test".into(),
         title: String::new(),
         canopy,
-        fabric: Fabric {
-            material: None,
-            law: case::Law::default(),
-            youngs_modulus_pa: 9.5648e6,
-            poisson_ratio: 0.3,
-            thickness_m: 3.048e-5,
-            density_kg_m3: 1223.5093,
-            strength_n_m: None,
-            safety_factor: None,
-            retardation_time_s: 0.0,
-            wrinkling: true,
-            prestress_pa: 0.0,
-            bending_stiffness_n_m: None,
-            orthotropic: None,
-            permeability: None,
-            contact: None,
-        },
+        fabric: cloth(),
         lines: Some(Lines {
             material: None,
             youngs_modulus_pa: 5.342e8,
@@ -52,6 +56,7 @@ pub(crate) fn scene(canopy: Canopy) -> Scene {
             initial_speed_m_s: 4.8768,
             initial_drift_m_s: [0.0; 2],
             motion: None,
+            release_height_m: None,
             gravity_m_s2: 9.80665,
             reference_area_m2: 41.3614,
             payload_drag: None,
