@@ -18,7 +18,7 @@ use crate::arguments::{mpirun, ranks, ratio, role, seconds};
 use crate::exit_codes::HELP as CODES;
 use crate::former_options;
 use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
-use crate::settings::Setting;
+use crate::settings::{Setting, scene_with};
 use crate::signals;
 
 /// Scene that `ripstop run` runs when none is named: in the current folder, else in a folder above the program.
@@ -103,6 +103,9 @@ enum Command {
     /// Study accuracy against cost: vary parameters of a scene, extrapolate, recommend the cheapest settings
     #[command(after_help = CODES)]
     Accuracy(studies::accuracy::AccuracyArgs),
+    /// Run a scene with varied values, and collect one table and one page of the results
+    #[command(after_help = CODES)]
+    Sweep(studies::sweep::SweepArgs),
     /// Map the stability of coupling schemes with a family of small cases
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
@@ -312,6 +315,11 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         }
         Command::Accuracy(args) => {
             compared(studies::accuracy::accuracy(&args, &*signals::stop_flag()?, console)?)
+        }
+        Command::Sweep(args) => {
+            let stop = signals::stop_flag()?;
+            print(&studies::sweep::sweep(&args, &|set| scene_with(&args.scene, set), &stop, console)?);
+            Ok(())
         }
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

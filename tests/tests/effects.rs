@@ -301,6 +301,8 @@ fn descent_effects_change_the_results_as_predicted() {
     let heavy = format!("{base}[fabric_gravity]\n");
     let body = "[descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\ninitial_velocity_m_s = [0.5, 0, 0]\n";
     let point = run_to_end(folder, "heavy", &heavy);
+    // The frame falls; the payload moves sideways in it.
+    let heavy = put(&heavy, "descent", "motion = \"vertical\"");
     let swung = run_to_end(folder, "body", &format!("{heavy}{body}"));
     compare("body", &Anyhow, speed(&point), speed(&swung));
     let log = fs::read_to_string(swung.join("fall/payload.csv")).expect("the payload's motion");

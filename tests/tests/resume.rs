@@ -316,8 +316,7 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
                 [flow.statistics]\n[[flow.slice]]\nname = \"cut\"\npoint_m = [0, 0, 0]\nnormal = [1, 0, 0]\nevery_windows = 2\n\
                 [fabric.permeability]\nviscous_pa_s_m = 50.0\n\
                 [fabric_gravity]\n\
-                [descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\n\
-                initial_velocity_m_s = [0.5, 0, 0]\n";
+                [descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\n";
     let whole = same_in_parts(
         folder.path(),
         "many",

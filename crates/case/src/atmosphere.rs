@@ -8,7 +8,7 @@ const SEA_LEVEL: [f64; 2] = [288.15, 101_325.0];
 const LAPSE: f64 = 6.5e-3;
 const TROPOPAUSE: f64 = 11_000.0;
 
-/// Geopotential altitudes of the two lowest layers of the standard, in which parachutes fly, m.
+/// Geopotential altitudes of the two lowest layers of the standard, m.
 pub const ALTITUDES: std::ops::RangeInclusive<f64> = -2_000.0..=20_000.0;
 
 /// Air of the standard atmosphere.

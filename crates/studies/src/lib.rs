@@ -1,5 +1,5 @@
 //! Studies: many runs of a scene and their joint evaluation. Discretisation error against cost ([`accuracy`]), stability maps
-//! of coupling schemes ([`stability`]), influence and cost of physical effects ([`effects`]). Each run is a separate
+//! of coupling schemes ([`stability`]), influence and cost of physical effects ([`effects`]), tables of varied values ([`sweep`]). Each run is a separate
 //! `ripstop run` process.
 
 // An error ends the study once, so its size does not matter.
@@ -7,5 +7,7 @@
 
 pub mod accuracy;
 pub mod effects;
+mod key;
 mod process;
 pub mod stability;
+pub mod sweep;

@@ -5,9 +5,10 @@ use std::path::Path;
 use case::{Quantity, Scene};
 use coupling::error::RunError;
 
+use crate::key::key_of;
+
 use super::parameter::{Kind, Parameter, Setting};
 use super::quantities;
-use super::runs::key_of;
 use super::varied::{default_sweep, defaults, varied_parameter};
 
 /// A parameter with its values in the study.

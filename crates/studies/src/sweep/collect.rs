@@ -1,0 +1,123 @@
+//! The table of a sweep: what each run gave.
+
+use std::path::Path;
+
+use case::Scene;
+use coupling::error::RunError;
+use results::history;
+use results::settled::{QUANTITIES, SettledMean};
+
+use super::plan::{Point, Variation};
+
+/// A quantity of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Value {
+    /// Settled mean, or mean of the last half of the windows where there is no settled one.
+    pub mean: f64,
+    /// Half width of the 95 % interval; `None`: not settled.
+    pub interval: Option<f64>,
+}
+
+/// Results of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// How it ended; `not run`.
+    pub ended: String,
+    /// Whether all its stages are complete.
+    pub complete: bool,
+    /// Simulated time of the main stage, s.
+    pub time_s: f64,
+    /// Wall time, s.
+    pub wall_s: f64,
+    /// Number of warnings, before and during the run.
+    pub warnings: usize,
+    /// Mean of each of [`QUANTITIES`]; `None`: the run has none.
+    pub values: Vec<Option<Value>>,
+}
+
+/// Whether the run in `folder` is complete.
+pub fn is_complete(folder: &Path) -> bool {
+    summary(folder).is_some_and(|s| s["ended"] == "complete")
+}
+
+fn summary(folder: &Path) -> Option<serde_json::Value> {
+    let text = std::fs::read_to_string(folder.join("summary.json")).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// The results in the `folder` of a run of `scene`.
+pub fn row(folder: &Path, scene: &Scene) -> Row {
+    let file = case::stage_folder(folder, scene, scene.main_stage()).join("history.csv");
+    let columns = history::read_complete_rows(&file).map_or_else(|_| Vec::new(), |(columns, _)| columns);
+    let last = |name: &str| {
+        let (_, values) = columns.iter().find(|(n, _)| n == name)?;
+        values.last().copied()
+    };
+    let count = |v: &serde_json::Value| v.as_array().map_or(0, Vec::len);
+    let found = summary(folder);
+    let ended = found.as_ref().and_then(|s| s["ended"].as_str()).map(str::to_owned);
+    let started = if columns.is_empty() { "not run" } else { "running or killed" };
+    Row {
+        complete: ended.as_deref() == Some("complete"),
+        // The first line of an error.
+        ended: ended.as_deref().and_then(|e| e.lines().next()).unwrap_or(started).to_owned(),
+        time_s: last("time_s").unwrap_or(0.0),
+        wall_s: found.as_ref().and_then(|s| s["wall_s"].as_f64()).unwrap_or(0.0),
+        warnings: found.as_ref().map_or(0, |s| count(&s["warnings"]) + count(&s["inspection"])),
+        values: QUANTITIES.iter().map(|(name, _, _)| value(name, &columns)).collect(),
+    }
+}
+
+/// Mean of a column of a history.
+fn value(name: &str, columns: &[(String, Vec<f64>)]) -> Option<Value> {
+    if let Some(SettledMean { mean, interval_95: Some(half_width), .. }) = SettledMean::of(name, columns) {
+        return Some(Value { mean, interval: Some(half_width) });
+    }
+    let (_, values) = columns.iter().find(|(n, _)| n == name)?;
+    let late: Vec<f64> = values[values.len() / 2..].iter().copied().filter(|v| v.is_finite()).collect();
+    (!late.is_empty()).then(|| Value { mean: late.iter().sum::<f64>() / late.len() as f64, interval: None })
+}
+
+/// Whether any run has a value of the quantity at this position of [`QUANTITIES`].
+pub fn is_known(rows: &[Row], quantity: usize) -> bool {
+    rows.iter().any(|r| r.values[quantity].is_some())
+}
+
+/// The table as CSV, a row for each run.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, variations: &[Variation], points: &[Point], rows: &[Row]) -> Result<(), RunError> {
+    let quoted = |text: &str| {
+        if text.contains([',', '"', '\n']) {
+            format!("\"{}\"", text.replace('"', "\"\""))
+        } else {
+            text.into()
+        }
+    };
+    let known: Vec<usize> = (0..QUANTITIES.len()).filter(|q| is_known(rows, *q)).collect();
+    let mut names: Vec<String> = vec!["run".into()];
+    names.extend(variations.iter().map(|v| v.key.clone()));
+    names.extend(["ended", "time_s", "wall_s", "warnings"].map(String::from));
+    for &q in &known {
+        names.extend([QUANTITIES[q].0.to_owned(), format!("{}_interval_95", QUANTITIES[q].0)]);
+    }
+    let mut text = names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(",") + "\n";
+    for (point, row) in points.iter().zip(rows) {
+        let mut cells = vec![quoted(&point.name)];
+        cells.extend(point.values.iter().map(|v| quoted(v)));
+        cells.extend([
+            quoted(&row.ended),
+            row.time_s.to_string(),
+            row.wall_s.to_string(),
+            row.warnings.to_string(),
+        ]);
+        for &q in &known {
+            let of = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v:.8e}"));
+            cells.push(of(row.values[q].map(|v| v.mean)));
+            cells.push(of(row.values[q].and_then(|v| v.interval)));
+        }
+        text += &(cells.join(",") + "\n");
+    }
+    std::fs::write(path, text).map_err(RunError::file("write", path))
+}
