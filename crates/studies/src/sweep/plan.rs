@@ -125,12 +125,12 @@ pub fn points(variations: &[Variation], together: bool) -> Result<Vec<Point>, Ru
     Ok(points)
 }
 
-/// Name of the folder of a run: the last parts of its keys with their values, whole keys where those are alike.
+/// Name of the folder of a run: the last parts of its keys with their values, whole keys where those are equal.
 fn name(variations: &[Variation], values: &[String]) -> String {
     let short = |v: &Variation| v.key.rsplit('.').next().unwrap_or_default().to_owned();
-    let alike = |v: &Variation| variations.iter().filter(|w| short(w) == short(v)).count() > 1;
+    let shared = |v: &Variation| variations.iter().filter(|w| short(w) == short(v)).count() > 1;
     let parts = variations.iter().zip(values).map(|(v, value)| {
-        let key = if alike(v) { v.key.clone() } else { short(v) };
+        let key = if shared(v) { v.key.clone() } else { short(v) };
         format!("{key}={value}")
     });
     let whole = parts.collect::<Vec<_>>().join(",");
@@ -216,8 +216,8 @@ mod tests {
 
     #[test]
     fn names_of_folders_are_unique_and_short() {
-        let alike = variations(&["stage.a.window_s=1", "stage.b.window_s=2"]);
-        assert_eq!(points(&alike, false).unwrap()[0].name, "stage.a.window_s=1,stage.b.window_s=2");
+        let equal = variations(&["stage.a.window_s=1", "stage.b.window_s=2"]);
+        assert_eq!(points(&equal, false).unwrap()[0].name, "stage.a.window_s=1,stage.b.window_s=2");
         let odd = points(&variations(&["flow.wind_m_s=[1,0,0],[1,0,1]"]), false).unwrap();
         assert!(odd[0].name.starts_with("wind_m_s=_1,0,0_-") && odd[0].name != odd[1].name, "{odd:?}");
         let long = points(&variations(&[&format!("a={},b", "x".repeat(300))]), false).unwrap();
