@@ -17,6 +17,8 @@ fn both_methods(folder: &Path) -> PathBuf {
     let changes = [
         ("[flow.solver]\n", "[flow]\nwind_m_s = [0.0, 0.0, -1.0]\n\n[flow.solver]\n"),
         ("initial_speed_m_s = 4.0", "initial_speed_m_s = 5.0"),
+        // At 5e-3 the last iterates of one and two ranks differ by 2e-3 of the drag.
+        ("tolerance = 5e-3", "tolerance = 5e-4"),
         ("[flow.grid]\n", "[flow.immersed]\nspacing_m = 0.125\n\n[flow.grid]\n"),
         ("duration_s = 0.2\nwindow_s = 2e-2\n", "duration_s = 0.6\nwindow_s = 2e-2\n"),
         ("duration_s = 0.1\nwindow_s = 5e-3\nsubsteps = 10\n", &stages),
@@ -74,13 +76,13 @@ fn flow_method_changes_between_stages() {
         );
     }
 
-    // On two ranks of the flow, to the tolerance of the coupling: 5e-3. Measured: 1e-5 in the fitted stage, whose windows converge further, 2e-3 in the immersed one.
+    // On two ranks of the flow, to the tolerances of the solvers.
     let ranks = copied(&out, folder.path().join("ranks"));
     succeed(ripstop_run(&scene, &ranks, &["--stage", "fitted", "--ranks", "flow=2"]));
-    for ((stage, history), bound) in STAGES.iter().zip(&histories).skip(1).zip([1e-4, 5e-3]) {
+    for (stage, history) in STAGES.iter().zip(&histories).skip(1) {
         let [one, two] = [history, &History::read(&ranks, stage)].map(|h| h.column("drag_n"));
         let errors: Vec<f64> = one.iter().zip(&two).map(|(a, b)| (a / b - 1.0).abs()).collect();
         println!("{stage} on two ranks: drag differs by {errors:?}");
-        assert!(errors.iter().all(|e| *e < bound), "{stage}: {errors:?}");
+        assert!(errors.iter().all(|e| *e < 1e-3), "{stage}: {errors:?}");
     }
 }

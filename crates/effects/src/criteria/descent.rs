@@ -118,8 +118,8 @@ fn across(wind: &Wind, time: f64) -> f64 {
     (0..=64).map(at).fold(0.0, f64::max)
 }
 
-/// Whether the payload is held sideways is a condition that a scene states. Canopies glide: the ATPS drifts at 1.3 to 2.3 m/s and then
-/// descends 14 % slower than with the payload held (docs/records/atps-descent.md).
+/// Whether the payload is held sideways is a condition that a scene states. A free ATPS descended 12 to 14 % slower over 100 s
+/// (docs/records/atps-descent.md).
 pub fn frame_motion(s: &Scope<'_>) -> Assessment {
     if s.n.falling_mass == 0.0 {
         return Assessment::not("nothing falls in this scene");
