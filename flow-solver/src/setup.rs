@@ -123,7 +123,7 @@ fn speed_scale(scene: &Scene, stage: usize, structure: &StructureMesh, wind: &Wi
     let plan = &scene.stages[stage];
     let resolved = scene.resolved();
     let air = resolved.canopy_air;
-    let [_, blown] = wind.fastest(plan.duration_s, -resolved.initial_speed_m_s);
+    let [_, blown] = wind.fastest(plan.duration_s, resolved.initial_velocity_m_s);
     let moved = plan.motions.iter().flat_map(|m| {
         let steps = m.time_s.windows(2).zip(m.displacement_m.windows(2));
         steps.map(|(t, d)| (Vec3::from(d[1]) - Vec3::from(d[0])).norm() / (t[1] - t[0]))

@@ -71,11 +71,11 @@ impl Wind {
         self.own(0.0)
     }
 
-    /// Largest speed past a frame that moves upwards with `rise` (m/s) in the first `duration` seconds of the stage, m/s:
+    /// Largest speed past a frame that moves with the velocity `frame` (m/s) in the first `duration` seconds of the stage, m/s:
     /// [steady wind alone, with the gust]. Smooth changes are a cosine or sine, so 64 intervals miss $`(\pi/128)^2/2`$ =
     /// 0.03 % of a change at most, and nothing where neither changes; a table has its largest values at its times.
-    pub fn fastest(&self, duration: f64, rise: f64) -> [f64; 2] {
-        let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] - rise).powi(2)).sqrt();
+    pub fn fastest(&self, duration: f64, frame: [f64; 3]) -> [f64; 2] {
+        let past = |w: [f64; 3]| (0..3).map(|i| (w[i] - frame[i]).powi(2)).sum::<f64>().sqrt();
         let whole = (0.0, duration);
         let gust = self.gust.as_ref().map_or(Vec::new(), |(g, origin)| g.samples(*origin, duration));
         let pulse = self.perturbation.as_ref().map_or(Vec::new(), |p| p.samples(0.0, duration));

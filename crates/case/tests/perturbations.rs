@@ -65,7 +65,7 @@ fn given_values_are_taken_and_a_gust_is_added() {
         assert!((pulse(&scene, t)[1] - y).abs() < 1e-12 && pulse(&scene, t)[0].abs() < 1e-12, "{t}");
     }
     assert!((pulse(&scene, 1.2)[2] - 2.0).abs() < 1e-12);
-    let [calm, fastest] = scene.wind(0, &StageTimes::planned(&scene)).fastest(0.8, -4.0);
+    let [calm, fastest] = scene.wind(0, &StageTimes::planned(&scene)).fastest(0.8, [0.0, 0.0, -4.0]);
     assert!(calm < fastest && fastest > 26f64.sqrt() - 1e-9, "{calm} {fastest}");
 }
 

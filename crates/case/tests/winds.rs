@@ -250,8 +250,8 @@ fn a_ramp_is_half_a_cosine_from_the_wind_before() {
     assert!((first[0] - 1.439340).abs() < 1e-6, "{first:?}");
     assert!((second[0] - 3.414214).abs() < 1e-6 && (second[1] - 0.292893).abs() < 1e-6, "{second:?}");
     // 4 m/s of descent beside 1, then 4 m/s: the largest speeds past the canopy.
-    assert_eq!(scene.wind(2, &times).fastest(0.1, -4.0), [32f64.sqrt(); 2]);
-    assert_eq!(scene.wind(3, &times).fastest(0.1, -4.0), [32f64.sqrt(); 2]);
+    assert_eq!(scene.wind(2, &times).fastest(0.1, [0.0, 0.0, -4.0]), [32f64.sqrt(); 2]);
+    assert_eq!(scene.wind(3, &times).fastest(0.1, [0.0, 0.0, -4.0]), [32f64.sqrt(); 2]);
     assert_eq!(scene.wind(2, &times).released(), [1.0, 0.0, 0.0]);
 }
 
@@ -263,7 +263,7 @@ fn the_largest_speed_has_the_gusts_of_its_stage() {
     };
     let fastest = |start: f64| {
         let scene = read(&[FLOW, INFLATE, DEVELOP, FALL, &own(start)]);
-        scene.wind(2, &StageTimes::planned(&scene)).fastest(0.1, -4.0)
+        scene.wind(2, &StageTimes::planned(&scene)).fastest(0.1, [0.0, 0.0, -4.0])
     };
     assert_eq!(fastest(0.0123), [17f64.sqrt(), 37f64.sqrt()]);
     assert_eq!(fastest(0.2), [17f64.sqrt(); 2]);

@@ -65,8 +65,8 @@ pub struct Numbers<'a> {
 impl<'a> Numbers<'a> {
     /// Of `scene` with its canopy.
     pub fn new(scene: &'a Scene, interface: &CanopyInterface, mesh: &StructureMesh) -> Self {
-        let case::Resolved { air, initial_speed_m_s: fall, gravity_m_s2: gravity, .. } = scene.resolved();
-        let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene, fall);
+        let case::Resolved { air, gravity_m_s2: gravity, .. } = scene.resolved();
+        let Speeds { steady: speed, release: release_speed, stages: stage_speeds } = Speeds::of(scene);
         let fastest = stage_speeds.iter().fold(speed, |most, [_, gusty]| most.max(*gusty));
         let density = air.density_kg_m3;
         let width = if scene.has_canopy() { width(mesh) } else { body_length(scene) };
@@ -148,13 +148,14 @@ struct Speeds {
 }
 
 impl Speeds {
-    /// Of `scene`, whose frame falls with `fall` (m/s), as its winds by stage and its gusts give them.
-    fn of(scene: &Scene, fall: f64) -> Self {
-        let past = |w: [f64; 3]| (w[0].powi(2) + w[1].powi(2) + (w[2] + fall).powi(2)).sqrt();
+    /// Of `scene`, whose frame moves with its initial velocity, as its winds by stage and its gusts give them.
+    fn of(scene: &Scene) -> Self {
+        let frame = scene.resolved().initial_velocity_m_s;
+        let past = |w: [f64; 3]| length(&std::array::from_fn(|i| w[i] - frame[i]));
         let common = past(scene.resolved().wind_m_s);
         let times = StageTimes::planned(scene);
         let flows = |k: &usize| scene.flow.is_some() && scene.stages[*k].kind.roles().contains(&Role::Flow);
-        let speeds = |k| if flows(&k) { scene.wind(k, &times).fastest(times.of(k), -fall) } else { [0.0; 2] };
+        let speeds = |k| if flows(&k) { scene.wind(k, &times).fastest(times.of(k), frame) } else { [0.0; 2] };
         let stages: Vec<_> = (0..scene.stages.len()).map(speeds).collect();
         let steady = (0..stages.len()).filter(flows).map(|k| stages[k][0]).reduce(f64::max);
         let first = scene.stages.iter().position(|s| s.kind == StageKind::Coupled);
@@ -240,5 +241,25 @@ mod tests {
                 assert!((a * v + b * v * v - n.pressure).abs() < 1e-12 * n.pressure, "{a} {b}: {v}");
             }
         });
+    }
+
+    /// A canopy that drifts with the wind meets the air that one in still air meets.
+    #[test]
+    fn drift_with_the_wind_leaves_the_speeds() {
+        let file =
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/atps-descent/scene.toml");
+        let mut scene = case::load(&file).expect("a scene");
+        let still = Speeds::of(&scene);
+        let descent = scene.descent.as_mut().expect("a descent");
+        (descent.motion, descent.initial_drift_m_s) =
+            (Some(case::FrameMotion::ThreeDimensional), [3.0, -1.0]);
+        let moving = Speeds::of(&scene);
+        assert!(moving.release > 1.1 * still.release && moving.steady > 1.1 * still.steady);
+        scene.flow.as_mut().expect("a flow").wind_m_s = [3.0, -1.0, 0.0];
+        let carried = Speeds::of(&scene);
+        assert_eq!(
+            (carried.steady, carried.release, carried.stages),
+            (still.steady, still.release, still.stages)
+        );
     }
 }

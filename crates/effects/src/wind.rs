@@ -22,6 +22,8 @@ pub struct Wind {
     pub reference: [f64; 3],
     /// Changes the steady part with height.
     pub shear: Option<Sheared>,
+    /// Horizontal velocity of the frame, m/s: the wind is relative to it.
+    pub drift: [f64; 2],
 }
 
 /// Takes all gusts from a scene.
@@ -42,21 +44,24 @@ impl Wind {
             .shear
             .as_ref()
             .map(|s| Sheared { start_height_m: s.start_height_m, profile: s.profile_of(reference) });
-        Self { air, reference, shear }
+        let [x, y, _] = scene.resolved().initial_velocity_m_s;
+        Self { air, reference, shear, drift: [x, y] }
     }
 
     /// A steady wind everywhere, m/s.
     pub fn uniform(steady: [f64; 3]) -> Self {
-        Self { air: case::Wind::uniform(steady), reference: steady, shear: None }
+        Self { air: case::Wind::uniform(steady), reference: steady, ..Self::default() }
     }
 
     /// The wind `time` seconds after the start of the stage at a frame that has fallen by `fallen`
-    /// metres, m/s.
+    /// metres, relative to its drift, m/s.
     pub fn at(&self, time: f64, fallen: f64) -> [f64; 3] {
         let air = self.air.at(time);
-        let Some(s) = &self.shear else { return air };
+        let [x, y] = self.drift;
+        let relative = [air[0] - x, air[1] - y, air[2]];
+        let Some(s) = &self.shear else { return relative };
         let mean = s.profile.at(s.start_height_m - fallen);
-        std::array::from_fn(|i| air[i] - self.reference[i] + mean[i])
+        std::array::from_fn(|i| relative[i] - self.reference[i] + mean[i])
     }
 
     /// Largest difference of the wind over `span` metres below the start, m/s.
