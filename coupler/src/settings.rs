@@ -113,14 +113,15 @@ pub fn changed(file: &Path, settings: &[Setting]) -> Result<(Scene, String), Run
     Ok((scene, text))
 }
 
-/// The scene of `file` with settings as text, `KEY=VALUE`.
+/// The scene of `file` with settings as text, `KEY=VALUE`; paths of files are absolute, as in the scene that a run keeps.
 ///
 /// # Errors
 /// [`RunError::Input`]: a text that is no setting, an invalid scene.
 pub fn scene_with(file: &Path, settings: &[String]) -> Result<Scene, RunError> {
     let parsed = settings.iter().map(|text| text.parse::<Setting>());
     let settings: Vec<Setting> = parsed.collect::<Result<_, _>>().map_err(RunError::Input)?;
-    changed(file, &settings).map(|(scene, _)| scene)
+    let (_, text) = changed(file, &settings)?;
+    case::parse(file, &text).map_err(|e| RunError::Input(e.to_string()))
 }
 
 #[cfg(test)]

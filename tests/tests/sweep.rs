@@ -59,9 +59,20 @@ fn combinations_run_once_and_are_collected() {
         fs::metadata(out.join("payload_mass_kg=4/summary.json")).expect("a run").modified().expect("a time");
     assert_eq!(before, after);
     succeed(sweep(&scene, &out, &[&more[..], &["--table"]].concat()));
-    let (_, rows) = table(&out);
+    let (names, rows) = table(&out);
     let ended: Vec<&str> = rows.iter().map(|r| r[2].as_str()).collect();
     assert_eq!(ended, ["complete", "complete", "complete", "not run"]);
+    // 20 ms are no developed wake.
+    let wake = names.iter().position(|n| n == "wake").expect("a column");
+    assert_eq!(rows[0][wake], "wake.periods");
+
+    // With other settings the same folders are runs of another scene: they are neither shown nor taken for results.
+    let other = [&more[..], &["--set", "fabric.poisson_ratio=0.2", "--table"]].concat();
+    succeed(sweep(&scene, &out, &other));
+    let (_, rows) = table(&out);
+    assert!(rows[..3].iter().all(|r| r.iter().any(|c| c.contains("a run of another scene"))), "{rows:?}");
+    let speeds = fs::read_to_string(out.join("sweep.csv")).expect("a table");
+    assert!(!speeds.contains("descent_speed_m_s"), "{speeds}");
 }
 
 #[test]

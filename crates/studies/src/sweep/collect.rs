@@ -6,6 +6,7 @@ use case::Scene;
 use coupling::error::RunError;
 use results::history;
 use results::settled::{QUANTITIES, SettledMean};
+use results::wake::Wake;
 
 use super::plan::{Point, Variation};
 
@@ -31,13 +32,21 @@ pub struct Row {
     pub wall_s: f64,
     /// Number of warnings, before and during the run.
     pub warnings: usize,
+    /// Check of the wake that the means do not pass, such as `wake.periods`; empty: none.
+    pub wake: String,
     /// Mean of each of [`QUANTITIES`]; `None`: the run has none.
     pub values: Vec<Option<Value>>,
 }
 
-/// Whether the run in `folder` is complete.
-pub fn is_complete(folder: &Path) -> bool {
-    summary(folder).is_some_and(|s| s["ended"] == "complete")
+/// Whether `folder` has a complete run of `scene`.
+pub fn is_complete(folder: &Path, scene: &Scene) -> bool {
+    summary(folder).is_some_and(|s| s["ended"] == "complete") && is_of(folder, scene)
+}
+
+/// Whether the run in `folder` is one of `scene`: its file or other settings may have changed since.
+fn is_of(folder: &Path, scene: &Scene) -> bool {
+    let values = |scene: &Scene| serde_json::to_value(scene).ok();
+    case::load(&folder.join("scene.toml")).is_ok_and(|kept| values(&kept) == values(scene))
 }
 
 fn summary(folder: &Path) -> Option<serde_json::Value> {
@@ -47,6 +56,17 @@ fn summary(folder: &Path) -> Option<serde_json::Value> {
 
 /// The results in the `folder` of a run of `scene`.
 pub fn row(folder: &Path, scene: &Scene) -> Row {
+    if folder.join("scene.toml").exists() && !is_of(folder, scene) {
+        return Row {
+            ended: "a run of another scene: remove its folder, or give another --out".into(),
+            complete: false,
+            time_s: 0.0,
+            wall_s: 0.0,
+            warnings: 0,
+            wake: String::new(),
+            values: vec![None; QUANTITIES.len()],
+        };
+    }
     let file = case::stage_folder(folder, scene, scene.main_stage()).join("history.csv");
     let columns = history::read_complete_rows(&file).map_or_else(|_| Vec::new(), |(columns, _)| columns);
     let last = |name: &str| {
@@ -64,6 +84,9 @@ pub fn row(folder: &Path, scene: &Scene) -> Row {
         time_s: last("time_s").unwrap_or(0.0),
         wall_s: found.as_ref().and_then(|s| s["wall_s"].as_f64()).unwrap_or(0.0),
         warnings: found.as_ref().map_or(0, |s| count(&s["warnings"]) + count(&s["inspection"])),
+        wake: Wake::of_history(&columns)
+            .and_then(|w| w.verdict())
+            .map_or_else(String::new, |v| v.check.into()),
         values: QUANTITIES.iter().map(|(name, _, _)| value(name, &columns)).collect(),
     }
 }
@@ -98,7 +121,7 @@ pub fn write(path: &Path, variations: &[Variation], points: &[Point], rows: &[Ro
     let known: Vec<usize> = (0..QUANTITIES.len()).filter(|q| is_known(rows, *q)).collect();
     let mut names: Vec<String> = vec!["run".into()];
     names.extend(variations.iter().map(|v| v.key.clone()));
-    names.extend(["ended", "time_s", "wall_s", "warnings"].map(String::from));
+    names.extend(["ended", "time_s", "wall_s", "warnings", "wake"].map(String::from));
     for &q in &known {
         names.extend([QUANTITIES[q].0.to_owned(), format!("{}_interval_95", QUANTITIES[q].0)]);
     }
@@ -111,6 +134,7 @@ pub fn write(path: &Path, variations: &[Variation], points: &[Point], rows: &[Ro
             row.time_s.to_string(),
             row.wall_s.to_string(),
             row.warnings.to_string(),
+            row.wake.clone(),
         ]);
         for &q in &known {
             let of = |v: Option<f64>| v.map_or_else(String::new, |v| format!("{v:.8e}"));

@@ -107,7 +107,7 @@ impl<'a> Sweep<'a> {
     fn run(&self, stop: &AtomicBool, console: &Console) -> Result<(), RunError> {
         let part = self.args.part.unwrap_or(Part::ALL);
         let open: Vec<usize> = (0..self.points.len())
-            .filter(|at| part.contains(*at) && !collect::is_complete(&self.folder(*at)))
+            .filter(|at| part.contains(*at) && !collect::is_complete(&self.folder(*at), &self.scenes[*at]))
             .collect();
         let kept = (0..self.points.len()).filter(|at| part.contains(*at)).count() - open.len();
         console.line(&format!("{} runs in {}, {kept} complete", open.len() + kept, self.out.display()));

@@ -50,10 +50,11 @@ impl Results<'_> {
         let quantities: Vec<usize> = self.known().take(4).collect();
         let mut lines = vec![vec![String::from("run")]];
         lines[0].extend(quantities.iter().map(|q| format!("{}, {}", QUANTITIES[*q].1, QUANTITIES[*q].2)));
-        lines[0].push("ended".into());
+        lines[0].extend(["wake".into(), "ended".into()]);
         for (point, row) in self.points.iter().zip(self.rows) {
             let mut cells = vec![point.name.clone()];
             cells.extend(quantities.iter().map(|q| shown(row.values[*q])));
+            cells.push(if row.wake.is_empty() { "-".into() } else { row.wake.clone() });
             cells.push(row.ended.clone());
             lines.push(cells);
         }
@@ -84,7 +85,8 @@ impl Results<'_> {
                     p.s { (complete) " of " (self.points.len()) " runs are complete." }
                     p.s {
                         "Means of the last coupled stage with 95 % intervals. In brackets: the mean of the last half of the windows of a run \
-                         that has no settled mean."
+                         that has no settled mean. The column wake names the check that the means of a run do not pass: the interval may then be \
+                         too narrow, or the wake symmetric."
                     }
                     div.scroll { (self.html_table()) }
                     @for figure in self.figures() { (PreEscaped(figure.svg().element(&[], ""))) }
@@ -106,6 +108,7 @@ impl Results<'_> {
                         th { "time, s" }
                         th { "wall, s" }
                         th { "warnings" }
+                        th { "wake" }
                         th { "ended" }
                     }
                 }
@@ -117,6 +120,7 @@ impl Results<'_> {
                             td { (short(row.time_s)) }
                             td { (short(row.wall_s)) }
                             td { (row.warnings) }
+                            td { (row.wake) }
                             td { a href={ (point.name) "/summary.json" } { (row.ended) } }
                         }
                     }
@@ -196,7 +200,15 @@ mod tests {
     fn row(speed: Option<(f64, Option<f64>)>) -> Row {
         let mut values = vec![None; QUANTITIES.len()];
         values[0] = speed.map(|(mean, interval)| Value { mean, interval });
-        Row { ended: "complete".into(), complete: true, time_s: 1.0, wall_s: 2.0, warnings: 0, values }
+        Row {
+            ended: "complete".into(),
+            complete: true,
+            time_s: 1.0,
+            wall_s: 2.0,
+            warnings: 0,
+            wake: String::new(),
+            values,
+        }
     }
 
     #[test]
