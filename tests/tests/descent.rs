@@ -230,7 +230,15 @@ fn run_ends_at_touch_down() {
     assert!(text.contains("touch-down after 0.06 s at 4.") && text.contains("`on` is not run"), "{text}");
     assert!(!out.join("on").exists());
     let summary = fs::read_to_string(out.join("summary.json")).expect("a summary");
-    assert!(summary.contains("touch-down after"), "{summary}");
+    assert!(summary.contains("touch-down after") && !summary.contains("above ground"), "{summary}");
+    // A run that ended on the ground has nothing to resume.
+    let again = succeed(ripstop_run(&file, &out, &[&options[..], &["--resume"]].concat()));
+    assert!(!out.join("on").exists(), "{}", String::from_utf8_lossy(&again.stderr));
+    // One that did not come down says so: 0.2 s at 4 m/s are 0.8 m.
+    let high = folder.path().join("high");
+    let output = succeed(ripstop_run(&file, &high, &["--set", "descent.release_height_m=9"]));
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert!(text.contains("the payload is still 8.2") && text.contains("above ground"), "{text}");
 }
 
 /// In a side wind the momentum of canopy and payload changes by the impulse of the air in all axes, and no energy is added. A

@@ -146,6 +146,17 @@ impl<'a> Run<'a> {
         {
             self.console.warning(&verdict.warning(&summary.name));
         }
+        if ended.is_ok()
+            && self.prepared.scene.main_stage() == stage
+            && let Some(height) = self.prepared.scene.descent.as_ref().and_then(|d| d.release_height_m)
+            && !self.prepared.scene.has_landed(state.position)
+        {
+            self.console.warning(&format!(
+                "the payload is still {:.2} m above ground at the end of stage `{}`: lengthen the stage for a touch-down",
+                height + state.position[2],
+                description.name
+            ));
+        }
         let (name, roles) = (&description.name, self.prepared.scene.roles(description));
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
         self.summary.stages.push(summary);

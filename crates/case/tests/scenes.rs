@@ -645,5 +645,14 @@ fn frame_that_drifts_is_checked() {
     assert!(!scene.has_landed([0.0, 0.0, -1e6]));
     let released = ATPS.replacen("payload_mass_kg", "release_height_m = 50.0\npayload_mass_kg", 1);
     let scene = read(&released).unwrap();
+    // The flow stage before the release takes 2 s at 4.8768 m/s.
+    let shear = |start: f64| {
+        let shear =
+            format!("shear = {{ start_height_m = {start}, profile = \"linear\", slope_per_m = 0.01 }}");
+        released.replacen("[flow.grid]", &format!("wind_m_s = [2.0, 0.0, 0.0]\n{shear}\n[flow.grid]"), 1)
+    };
+    assert!(read(&shear(59.7536)).is_ok());
+    let text = read(&shear(50.0)).unwrap_err().to_string();
+    assert!(text.contains("that of 40.246 m"), "{text}");
     assert!(scene.has_landed([9.0, 0.0, -50.0]) && !scene.has_landed([9.0, 0.0, -49.9]));
 }

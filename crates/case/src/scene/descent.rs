@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
-use crate::{GAS_CONSTANT, HEAT_RATIO, Scene, StageKind};
+use crate::{GAS_CONSTANT, HEAT_RATIO, Role, Scene, StageKind};
 
 /// The falling mass: one degree of freedom (paper, equation 9), or three.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -136,17 +136,8 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     mach(scene, c);
     let Some(d) = &scene.descent else { return };
-    if let (Some(height), Some(shear)) = (d.release_height_m, scene.shear())
-        && height != shear.start_height_m
-    {
-        c.refuse(
-            "descent.release_height_m",
-            format!(
-                "the release is {height} m above ground here and {} m in [flow.shear]",
-                shear.start_height_m
-            ),
-            "give both the same value, the height of the payload when the first flow stage begins",
-        );
+    if let (Some(height), Some(shear)) = (d.release_height_m, scene.shear()) {
+        heights(height, shear.start_height_m - fall_before_release(scene, d), c);
     }
     if let Some(p) = &d.payload_drag {
         c.positive("descent.payload_drag.drag_area_m2", p.drag_area_m2, 1e4, "an area in m2");
@@ -161,6 +152,25 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     if let Some(b) = &d.body {
         shape_of_body(b, c);
         freedom_of_body(scene, b, c);
+    }
+}
+
+/// Way that the frame falls in stages with flow before the first coupled one, m: the wind by height is that of its height.
+fn fall_before_release(scene: &Scene, d: &Descent) -> f64 {
+    let before = scene.stages.iter().take_while(|s| s.kind != StageKind::Coupled);
+    let flows = before.filter(|s| s.kind.roles().contains(&Role::Flow) && s.in_time());
+    d.initial_speed_m_s * flows.map(|s| s.duration_s).sum::<f64>()
+}
+
+/// Refuses a `height` of the release other than that `by_shear`, m, at which the wind by height is at that time.
+fn heights(height: f64, by_shear: f64, c: &mut Check) {
+    if (height - by_shear).abs() > 1e-3 * height {
+        c.refuse(
+            "descent.release_height_m",
+            format!("the release is {height} m above ground, but the wind is then that of {by_shear:.3} m"),
+            "flow.shear.start_height_m is the height when the first stage with flow begins; the frame falls with \
+             initial_speed_m_s in the stages before the release: let both meet at the release",
+        );
     }
 }
 
