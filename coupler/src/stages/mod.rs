@@ -6,6 +6,7 @@ mod pre_inflation;
 mod prescribed;
 mod saves;
 mod single;
+mod stage_row;
 mod stage_run;
 
 use std::path::Path;

@@ -1,7 +1,5 @@
 //! The run of one stage: open, then step, record and save each window, and close.
 
-mod row;
-
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -80,29 +78,29 @@ pub(super) struct AcceptedWindow {
 
 /// A running stage.
 pub(super) struct StageRun<'c, 'p> {
-    context: &'c StageContext<'c>,
+    pub(super) context: &'c StageContext<'c>,
     partners: &'p mut dyn Partners,
-    summary: &'p mut StageSummary,
-    stepper: Box<dyn Stepper + 'c>,
+    pub(super) summary: &'p mut StageSummary,
+    pub(super) stepper: Box<dyn Stepper + 'c>,
     folder: PathBuf,
     records: Records,
-    descent: Option<DescentModel>,
-    interface_energy: InterfaceEnergyBalance,
+    pub(super) descent: Option<DescentModel>,
+    pub(super) interface_energy: InterfaceEnergyBalance,
     flow_bounds: Option<FlowBounds>,
-    clock: WindowClock,
+    pub(super) clock: WindowClock,
     energy_limit: EnergyLimit,
     progress: Progress,
     saves: Saves,
     /// Planned windows to run.
     windows: u64,
     /// Number of the next window, from 0.
-    index: u64,
+    pub(super) index: u64,
     /// Accepted windows so far.
     done: u64,
     /// Rejections of the current window so far.
-    rejected: u32,
+    pub(super) rejected: u32,
     /// Start of the first solve of the current window.
-    started: Instant,
+    pub(super) started: Instant,
     /// Wall time of the earlier runs that this run resumes, s.
     wall_before: f64,
     /// Reason for the end of the stage, for the summary.

@@ -7,7 +7,7 @@ use coupling::schemes::WindowReport;
 use results::history::{Row, Trajectory};
 use results::wake::{self, Sample};
 
-use super::StageRun;
+use super::stage_run::StageRun;
 
 impl<'c> StageRun<'c, '_> {
     /// The force that the stage reports as its drag.
