@@ -374,7 +374,8 @@ impl<G, V: Viscosity> Spatial<G, V> {
             std::array::from_fn(|v| 0.5 * (gradient::along(gi, v, &way) + gradient::along(gj, v, &way)));
         let passing = 0.5 * (velocity(l) + velocity(r)).dot(&face.area) - face.grid_flux;
         let courant = passing.abs() / (scheme.rate * on.metrics.volume[i].min(on.metrics.volume[j]));
-        let least = self.upwind_share.max(physics::unresolved_in_time(courant));
+        let uneven = physics::uneven(&face.offset(), &way);
+        let least = self.upwind_share.max(uneven).max(physics::unresolved_in_time(courant));
         Blending::sensed::<N>(&step, &along, 0.5 * (l[0] - r[0]), least)
     }
 

@@ -13,7 +13,7 @@ mod permeability;
 mod precondition;
 mod viscosity;
 
-pub use blending::{Blending, unresolved_in_time};
+pub use blending::{Blending, uneven, unresolved_in_time};
 pub(crate) use flux::relative_speed;
 pub use flux::{
     FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, split_form_correction, wall,

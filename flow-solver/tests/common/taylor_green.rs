@@ -8,7 +8,7 @@ use flow_solver::geometry::vec3::Vec3;
 use flow_solver::gradient;
 use flow_solver::physics::Laminar;
 use flow_solver::{Solver, Step};
-use mesh::{BoxShape, Patch, box_grid_of};
+use mesh::{BoxShape, FlowGrid, Patch, box_grid_of};
 
 use super::common;
 
@@ -49,12 +49,20 @@ pub fn at_start_in(
     drop: f64,
     upwind: f64,
 ) -> Solver<flow_solver::physics::Isothermal, 4> {
-    let grid = box_grid_of(shape, [n; 3], low, high, sides);
+    on_grid(&box_grid_of(shape, [n; 3], low, high, sides), drop, upwind)
+}
+
+/// As [`at_start`] on `grid`.
+pub fn on_grid(
+    grid: &FlowGrid,
+    drop: f64,
+    upwind: f64,
+) -> Solver<flow_solver::physics::Isothermal, 4> {
     let mut settings = common::settings([0.0; 3], drop);
     settings.reference_speed = 0.1;
     settings.moving = false;
     let rho = settings.air.density;
-    let mut s = common::isothermal(&grid, Laminar { viscosity: VISCOSITY * rho }, settings);
+    let mut s = common::isothermal(grid, Laminar { viscosity: VISCOSITY * rho }, settings);
     s.spatial.upwind_share = upwind;
     let state = |x: [f64; 3]| {
         let p = rho / 16.0 * ((2.0 * x[0]).cos() + (2.0 * x[1]).cos()) * ((2.0 * x[2]).cos() + 2.0);
