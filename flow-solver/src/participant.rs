@@ -171,6 +171,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
             channel::PERTURBATION,
+            channel::STAGE_ALTITUDE,
             channel::BOUNDARY_VALUES,
             channel::PERIODIC,
             channel::BODY_FORCE,

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 32] = [
+const EFFECTS: [&str; 33] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -35,6 +35,7 @@ const EFFECTS: [&str; 32] = [
     channel::STAGE_WIND,
     channel::GUST_SHAPE,
     channel::PERTURBATION,
+    channel::STAGE_ALTITUDE,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.law",

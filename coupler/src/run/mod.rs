@@ -6,6 +6,7 @@ mod prepare;
 mod recording;
 mod resume;
 mod session;
+mod without_programs;
 
 use std::fs::File;
 use std::ops::Range;
@@ -182,6 +183,7 @@ impl<'a> Run<'a> {
             options,
             console: self.console,
             stop: self.stop,
+            altitude_of_release: self.prepared.scene.flow.as_ref().and_then(|f| f.altitude_m),
             resumed,
         }
     }

@@ -15,6 +15,7 @@ use super::folder;
 use super::options::RunOptions;
 use super::prepare::Prepared;
 use super::recording::exchange;
+use super::without_programs::WithoutPrograms;
 use crate::hub::{HubPartners, SessionOptions};
 use crate::launch::{LaunchPlan, Program, Session};
 use crate::stages::StageContext;
@@ -52,6 +53,9 @@ pub(super) fn run_stage(
     summary: &mut StageSummary,
 ) -> Result<(), RunError> {
     open_folder(context)?;
+    if context.scene.roles(&context.scene.stages[context.stage]).is_empty() {
+        return without_programs(context, options, state, summary);
+    }
     let session = Session::create(context.scene, context.stage)?;
     let programs = programs(context, file, options, &session)?;
     let ended = launch(context, options, &session, programs)
@@ -62,6 +66,22 @@ pub(super) fn run_stage(
         });
     clean_up(context, &session);
     ended
+}
+
+/// As [`run_stage`], where the coupler computes the stage by itself.
+fn without_programs(
+    context: &StageContext<'_>,
+    options: &RunOptions,
+    state: &mut InterfaceState,
+    summary: &mut StageSummary,
+) -> Result<(), RunError> {
+    let name = &context.scene.stages[context.stage].name;
+    context.console.line(&format!("stage `{name}`: no program runs"));
+    *state = context.run(&mut WithoutPrograms, state.clone(), summary)?;
+    if let Some(record) = &options.record {
+        results::state::copy_states(context.scene, context.stage + 1, context.out, &record.folder)?;
+    }
+    Ok(())
 }
 
 /// Prepares the folder of the stage: empty, or with the results before the checkpoint that the stage restarts from.
@@ -160,12 +180,13 @@ fn clean_up(context: &StageContext<'_>, session: &Session) {
 pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let mut all: Vec<_> =
         effects(scene).into_iter().filter(|e| e.on).map(|e| (e.role, e.key.to_owned())).collect();
-    let winds = [
+    let air = [
         (scene.has_stage_wind(), channel::STAGE_WIND),
         (scene.has_general_gust(), channel::GUST_SHAPE),
         (scene.has_perturbation(), channel::PERTURBATION),
+        (scene.stages.iter().any(|s| s.altitude_m.is_some()), channel::STAGE_ALTITUDE),
     ];
-    for (_, effect) in winds.into_iter().filter(|(needed, _)| *needed) {
+    for (_, effect) in air.into_iter().filter(|(needed, _)| *needed) {
         // The table of effects may ask the flow for it already.
         if !all.contains(&(Role::Flow, effect.to_owned())) {
             all.push((Role::Flow, effect.to_owned()));

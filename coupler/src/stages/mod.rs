@@ -8,11 +8,15 @@ mod saves;
 mod single;
 mod stage_row;
 mod stage_run;
+mod trajectory;
 
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
-use case::{DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence};
+use case::{
+    ALTITUDES, DescentEquation, Role, Scene, Scheme, Solve, Stage, StageKind, StageTimes, StaggeredSequence,
+    StandardAir,
+};
 use channel::Window;
 use coupling::balance::SystemBalance;
 use coupling::convergence::AcceptanceCheck;
@@ -35,6 +39,10 @@ use self::pre_inflation::PreInflation;
 use self::prescribed::Prescribed;
 use self::single::SingleSolve;
 use self::stage_run::StageRun;
+use self::trajectory::TrajectoryStage;
+
+/// Difference of the density from that at the height of a stage, as a share, that is reported: half of it changes the speed.
+const DENSITY_SHARE: f64 = 0.01;
 
 /// Options of a stage.
 #[derive(Clone, Debug, Default)]
@@ -65,6 +73,8 @@ pub struct StageContext<'a> {
     pub console: &'a Console,
     /// Ends the stage at the end of a window when it becomes true.
     pub stop: &'a AtomicBool,
+    /// Altitude of the release, m, where the air is that of one.
+    pub altitude_of_release: Option<f64>,
     /// The checkpoint that the stage restarts from, if any.
     pub resumed: Option<&'a checkpoint::Progress>,
 }
@@ -112,6 +122,14 @@ trait Stepper {
     fn system_balance(&self) -> Option<&SystemBalance> {
         None
     }
+
+    /// Velocity of the undisturbed air relative to the frame at `t` (s), m/s, in a stage that knows it at the height of the frame.
+    fn air(&self, _t: f64) -> Option<[f64; 3]> {
+        None
+    }
+
+    /// The stage is complete: its state becomes what the next stage starts from.
+    fn close(&mut self) {}
 
     /// Interface work in the last window, J: on the structure, by the flow. `None` without
     /// coupling.
@@ -216,6 +234,25 @@ impl StageContext<'_> {
         run.close()
     }
 
+    /// Warns of a stage whose density is not that of the standard atmosphere at the height at which it starts, after a fall.
+    fn compare_density(&self, state: &InterfaceState) {
+        let (scene, stage) = (self.scene, self.description());
+        let flows = stage.kind.roles().contains(&Role::Flow);
+        let Some(flow) = scene.flow.as_ref().filter(|_| flows && self.resumed.is_none()) else { return };
+        let Some((own, release)) = flow.altitude_m.zip(self.altitude_of_release) else { return };
+        let at = |altitude: f64| StandardAir::at(altitude).density_kg_m3;
+        let here = release + state.position[2];
+        let share = at(own) / at(here.clamp(*ALTITUDES.start(), *ALTITUDES.end())) - 1.0;
+        if share.abs() > DENSITY_SHARE {
+            self.console.warning(&format!(
+                "stage `{}`: the air is that of {own:.0} m, but the frame is at {here:.0} m, where the density differs by {:+.1} %. Remedy: \
+                 altitude_m = {here:.0} in this stage",
+                stage.name,
+                -100.0 * share
+            ));
+        }
+    }
+
     /// Reports the jump of the pressure on the canopy at the release.
     fn compare_pressures(&self, state: &InterfaceState) {
         let compared = pressure_at_release(self.scene, self.stage, self.interface, state);
@@ -275,6 +312,7 @@ fn stepper<'c>(
             let solver = PreInflation::new(context, &state)?;
             Box::new(SingleSolve::new(context, state, solver))
         }
+        StageKind::Trajectory => Box::new(TrajectoryStage::new(context, state)?),
         StageKind::FlowOnly => Box::new(SingleSolve::in_flow(context, state, FlowOnly)),
         StageKind::Coupled => Box::new(Coupled::new(context, state, context.descent_of(partners))),
         StageKind::Prescribed => {

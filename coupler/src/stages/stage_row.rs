@@ -64,10 +64,14 @@ impl<'c> StageRun<'c, '_> {
         })
     }
 
-    /// Motion over ground at the end of a window; `None` where the frame moves vertically.
+    /// Motion over ground at the end of a window; `None` where programs run and the frame moves vertically.
     fn trajectory(&self) -> Option<Trajectory> {
         let (context, scene) = (self.context, self.context.scene);
         let state = self.stepper.state();
+        if let Some(air) = self.stepper.air(self.clock.time()) {
+            let air_m_s = Some(air);
+            return Some(Trajectory { position_m: state.position, velocity_m_s: state.velocity, air_m_s });
+        }
         scene.frame_drifts().then(|| {
             let wind = scene.wind(context.stage, &context.times());
             let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), state.velocity);

@@ -118,6 +118,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
         let _part = timing::part("open");
         let (stage, resumed) = (context.description(), context.resumed);
         context.compare_pressures(&state);
+        context.compare_density(&state);
         let mut stepper = stepper(context, partners, state)?;
         if let Some(saved) = resumed {
             stepper.restore_state(&saved.stepper)?;
@@ -272,6 +273,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
     pub fn close(mut self) -> Result<InterfaceState, RunError> {
         let _part = timing::part("close");
         self.progress.note("saving");
+        self.stepper.close();
         self.records.history.sync()?;
         let ended = std::mem::take(&mut self.ended);
         self.summary.ended.clone_from(&ended);

@@ -26,6 +26,9 @@ pub const GUST_SHAPE: &str = "flow.gust.shape";
 /// Effect of a program whose wind contains the pulse of `case::Scene::perturbation`.
 pub const PERTURBATION: &str = "stage.perturbation";
 
+/// Effect of a program whose air is that of `case::Stage::altitude_m` in stages that have one.
+pub const STAGE_ALTITUDE: &str = "stage.altitude";
+
 /// Effect of a flow whose inlets, outlets and walls have data of their own, as `case::InletValues`, `case::OutletValues` and
 /// `case::MovingWall` define them.
 pub const BOUNDARY_VALUES: &str = "flow.boundary-values";

@@ -1,6 +1,6 @@
 //! Checks of the descent: weight and drag, initial and steady speed, payload.
 
-use case::{Stage, StageKind};
+use case::{Role, Stage, StageKind};
 
 use super::facts::{Facts, digits};
 use super::finding::Judged;
@@ -244,7 +244,7 @@ fn reference_area(f: &Facts<'_>) -> Vec<Judged> {
 
 fn pressure(f: &Facts<'_>) -> Vec<Judged> {
     let q = release_pressure(f);
-    let followed = f.scene.stages.iter().any(|s| s.kind != StageKind::PreInflation);
+    let followed = f.scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow));
     let mut found = Vec::new();
     for (i, stage) in f.stages_of(StageKind::PreInflation) {
         let Some(p) = stage.pressure_pa.filter(|_| f.is_parachute()) else { continue };

@@ -93,6 +93,7 @@ fn what(scene: &Scene, stage: &Stage) -> String {
             "flow around the canopy with prescribed motion".into()
         }
         StageKind::Prescribed => "mesh and flow around the canopy with prescribed motion".into(),
+        StageKind::Trajectory => "trajectory of a point mass, without a program".into(),
         StageKind::Coupled => {
             let programs = if scene.is_immersed(stage) {
                 "coupled structure and flow"

@@ -1,6 +1,6 @@
 //! Checks of the flow: grid, resolution along and across the canopy, outer boundary, Mach number.
 
-use case::{Canopy, Stage, StageKind, Turbulence, WallTreatment};
+use case::{Canopy, Role, Stage, StageKind, Turbulence, WallTreatment};
 
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
@@ -360,7 +360,7 @@ fn outer_boundary(f: &Facts<'_>) -> Vec<Judged> {
 fn courant(f: &Facts<'_>) -> Vec<Judged> {
     let n = &f.numbers;
     let mut found = Vec::new();
-    for (i, s) in f.stages().filter(|(_, s)| s.kind != StageKind::PreInflation && s.window_s > 0.0) {
+    for (i, s) in f.stages().filter(|(_, s)| s.kind.roles().contains(&Role::Flow) && s.window_s > 0.0) {
         let number = n.stage_speeds[i][1] * s.window_s / n.cell;
         if number > 0.0 {
             let figure =

@@ -264,6 +264,7 @@ fn seconds(f: &Facts<'_>, s: &Stage) -> f64 {
     let window = match s.kind {
         StageKind::PreInflation => structure,
         StageKind::FlowOnly => flow,
+        StageKind::Trajectory => 0.0,
         StageKind::Prescribed => flow + mesh,
         StageKind::Coupled => match f.scene.coupling.scheme {
             Scheme::Implicit => {

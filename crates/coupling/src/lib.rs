@@ -26,5 +26,6 @@ pub mod partners;
 pub mod release;
 pub mod schemes;
 pub mod structure_energy;
+pub mod trajectory;
 pub mod transfer;
 pub mod window_clock;

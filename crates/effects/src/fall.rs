@@ -119,7 +119,7 @@ impl Fall {
         let time = windows.map_or(s.duration_s, |w| (w as f64 * s.window_s).min(s.duration_s));
         Self {
             motion: match s.kind {
-                StageKind::PreInflation => Motion::NoAir,
+                StageKind::PreInflation | StageKind::Trajectory => Motion::NoAir,
                 _ if falls => Motion::Falls,
                 _ => Motion::Given,
             },

@@ -122,7 +122,7 @@ impl<'a> Numbers<'a> {
 
     /// The scene runs the flow.
     pub fn flows(&self) -> bool {
-        self.scene.flow.is_some() && self.scene.stages.iter().any(|s| s.kind != StageKind::PreInflation)
+        self.scene.flow.is_some() && self.scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow))
     }
 
     /// Thickness of a turbulent boundary layer half a width down the canopy, m.

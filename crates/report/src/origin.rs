@@ -94,6 +94,7 @@ pub(super) fn kind(kind: case::StageKind) -> &'static str {
         case::StageKind::PreInflation => "structure alone under a constant pressure",
         case::StageKind::FlowOnly => "flow alone on a fixed grid",
         case::StageKind::Coupled => "coupled structure, flow and descent",
+        case::StageKind::Trajectory => "trajectory of a point mass under weight, drag and lift",
         case::StageKind::Prescribed => "flow around a canopy or bodies with prescribed motion",
     }
 }

@@ -277,7 +277,8 @@ mod tests {
 
     #[test]
     fn every_column_of_a_history_is_described_and_none_else() {
-        let kinds = [StageKind::PreInflation, StageKind::FlowOnly, StageKind::Coupled, StageKind::Prescribed];
+        use StageKind::{Coupled, FlowOnly, PreInflation, Prescribed, Trajectory};
+        let kinds = [PreInflation, FlowOnly, Coupled, Prescribed, Trajectory];
         let written: BTreeSet<&str> = kinds.into_iter().flat_map(history::names).collect();
         assert_eq!(written, HISTORY.iter().map(|c| c.name).collect());
         // A coupled stage has all of them, in this order.

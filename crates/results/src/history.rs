@@ -193,7 +193,7 @@ const MESH_COLUMNS: [Column; 6] = {
 fn cells(kind: StageKind, row: &Row) -> Vec<(&'static str, Cell)> {
     let has = |role: Role| kind.roles().contains(&role);
     let mut cells = vec![("window", Cell::Count(row.window)), ("time_s", Cell::Number(row.time_s))];
-    if has(Role::Flow) {
+    if has(Role::Flow) || kind == StageKind::Trajectory {
         cells.extend(descent_cells(row));
     }
     if kind == StageKind::Coupled {

@@ -13,6 +13,7 @@ pub mod history;
 pub mod lock;
 pub mod long_term;
 pub mod machine;
+pub mod mean_descent;
 pub mod opening;
 pub mod program;
 pub mod progress;

@@ -118,6 +118,11 @@ fn state(kind: StageKind, drag_of: &str, row: &Row) -> String {
             energies(structure[structure_stats::KINETIC_ENERGY], structure[structure_stats::STRAIN_ENERGY])
         ),
         StageKind::FlowOnly | StageKind::Prescribed => format!(" | {}", drag(drag_of, row.drag_n, 0)),
+        StageKind::Trajectory => format!(
+            " | descent {:.3} m/s | {:.1} m below the release",
+            row.descent_speed_m_s,
+            row.trajectory.map_or(0.0, |t| -t.position_m[2])
+        ),
         StageKind::Coupled => format!(
             " | descent {:.3} m/s | drag {:.0} N | {}{}",
             row.descent_speed_m_s,

@@ -127,7 +127,7 @@ impl SettledMean {
 }
 
 /// Decimals that show two digits of `half_width`.
-fn decimals(half_width: f64) -> usize {
+pub fn decimals(half_width: f64) -> usize {
     (1.0 - half_width.abs().max(1e-9).log10().floor()).clamp(0.0, 10.0) as usize
 }
 

@@ -396,6 +396,9 @@ impl StageSummary {
                 let speed = s.descent_speed_m_s + 0.0;
                 format!("  {}: {drag} at {speed:.4} m/s{rejected}; {}", s.name, s.ended)
             }
+            StageKind::Trajectory => {
+                format!("  {}: descent speed {:.4} m/s at the end; {}", s.name, s.descent_speed_m_s, s.ended)
+            }
             StageKind::Coupled => format!(
                 "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
                  projected area {:.2} m2{created}; interface energy error {:.2e} J ({:+.1} % of the work){}{}{rejected}; {}",

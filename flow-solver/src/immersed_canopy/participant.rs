@@ -448,6 +448,7 @@ impl Participant for ImmersedParticipant {
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
             channel::PERTURBATION,
+            channel::STAGE_ALTITUDE,
             "fabric.permeability",
             "coupling.adaptive",
         ];

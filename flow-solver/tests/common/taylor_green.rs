@@ -53,11 +53,7 @@ pub fn at_start_in(
 }
 
 /// As [`at_start`] on `grid`.
-pub fn on_grid(
-    grid: &FlowGrid,
-    drop: f64,
-    upwind: f64,
-) -> Solver<flow_solver::physics::Isothermal, 4> {
+pub fn on_grid(grid: &FlowGrid, drop: f64, upwind: f64) -> Solver<flow_solver::physics::Isothermal, 4> {
     let mut settings = common::settings([0.0; 3], drop);
     settings.reference_speed = 0.1;
     settings.moving = false;

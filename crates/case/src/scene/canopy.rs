@@ -303,7 +303,7 @@ fn none(scene: &Scene, c: &mut Check) {
         }
     }
     let without_canopy = |s: &Stage| match s.kind {
-        StageKind::FlowOnly => true,
+        StageKind::FlowOnly | StageKind::Trajectory => true,
         StageKind::Prescribed => s.motions.is_empty(),
         StageKind::Coupled | StageKind::PreInflation => false,
     };

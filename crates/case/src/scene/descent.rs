@@ -18,8 +18,8 @@ pub struct Descent {
     /// glide.
     #[serde(default)]
     pub initial_drift_m_s: [f64; 2],
-    /// Height of the payload above ground at the start of the first coupled stage, m: the run ends when it touches down. Absent: it
-    /// falls for the duration of the stages.
+    /// Height of the payload above ground at the start of the first stage of kind `coupled` or `trajectory`, m: the run ends when it
+    /// touches down. Absent: it falls for the duration of the stages.
     pub release_height_m: Option<f64>,
     /// Directions in which the frame follows the payload. Absent: `three-dimensional` with `[descent.body]`, else `vertical`.
     pub motion: Option<FrameMotion>,
@@ -118,6 +118,13 @@ impl Scene {
         height.is_some_and(|height| position[2] <= -height)
     }
 
+    /// Height of the release above ground, m: as given, or as the wind by height has it.
+    pub fn release_height(&self) -> Option<f64> {
+        let d = self.descent.as_ref()?;
+        let by_shear = || self.shear().map(|s| s.start_height_m - fall_before_release(self, d));
+        d.release_height_m.or_else(by_shear)
+    }
+
     /// Whether the frame moves in all directions.
     pub fn frame_drifts(&self) -> bool {
         self.descent.as_ref().is_some_and(|d| d.frame_motion() == FrameMotion::ThreeDimensional)
@@ -157,7 +164,8 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
 
 /// Way that the frame falls in stages with flow before the first coupled one, m: the wind by height is that of its height.
 fn fall_before_release(scene: &Scene, d: &Descent) -> f64 {
-    let before = scene.stages.iter().take_while(|s| s.kind != StageKind::Coupled);
+    let before =
+        scene.stages.iter().take_while(|s| !matches!(s.kind, StageKind::Coupled | StageKind::Trajectory));
     let flows = before.filter(|s| s.kind.roles().contains(&Role::Flow) && s.in_time());
     d.initial_speed_m_s * flows.map(|s| s.duration_s).sum::<f64>()
 }

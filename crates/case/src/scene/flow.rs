@@ -153,6 +153,20 @@ impl Flow {
     }
 }
 
+impl Flow {
+    /// The air of another `altitude` (m), where it is that of one.
+    pub(crate) fn move_to(&mut self, altitude: f64) {
+        let Some(here) = self.altitude_m.filter(|h| ALTITUDES.contains(h)) else { return };
+        let (from, to) = (StandardAir::at(here), StandardAir::at(altitude));
+        self.density_kg_m3 *= to.density_kg_m3 / from.density_kg_m3;
+        self.temperature_k *= to.temperature_k / from.temperature_k;
+        if let Some(viscosity) = &mut self.viscosity {
+            viscosity.dynamic_viscosity_pa_s *= to.dynamic_viscosity_pa_s / from.dynamic_viscosity_pa_s;
+        }
+        self.altitude_m = Some(altitude);
+    }
+}
+
 /// Laminar viscosity.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
-use crate::{Canopy, Flow, Scene, StageKind};
+use crate::{Canopy, Flow, Role, Scene};
 
 /// The volume grid: hexahedra in shells around the canopy.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -343,7 +343,7 @@ fn periodic_sides(b: &FlowBox, c: &mut Check) {
 pub(super) fn around_panel(scene: &Scene, flow: &Flow, c: &mut Check) {
     let is_panel = matches!(scene.canopy, Canopy::Panel(_));
     let Some(b) = &flow.box_grid else {
-        let flows = scene.stages.iter().any(|s| s.kind != StageKind::PreInflation);
+        let flows = scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow));
         if is_panel && flow.grid_file.is_none() && flows {
             c.refuse(
                 "flow",

@@ -38,6 +38,7 @@ mod steady;
 mod structure;
 mod tapes;
 mod times;
+mod trajectory;
 mod wind;
 
 use std::collections::BTreeMap;
@@ -90,6 +91,7 @@ pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};
 pub use tapes::{Risers, Tape, TapeGrid, TapePlace, Tapes};
 pub use times::{StageTimes, save_time};
+pub use trajectory::Trajectory;
 pub use wind::{Clock, StageWind};
 
 use crate::check::{Allowed, Check, NAME_OF_FOLDER, Refusal, plain_name};

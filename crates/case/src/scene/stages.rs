@@ -3,9 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{body_motion, perturbation, steady, wind};
+use super::{body_motion, perturbation, steady, trajectory, wind};
 use crate::check::{Check, NAME_OF_FOLDER, plain_name};
-use crate::{BodyMotion, Canopy, Clock, Force, Gust, Motion, Perturbation, Role, Scene, StageWind, Steady};
+use crate::{
+    ALTITUDES, BodyMotion, Canopy, Clock, Force, Gust, Motion, Perturbation, Role, Scene, StageWind, Steady,
+    Trajectory,
+};
 
 /// One stage of a run.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -51,6 +54,11 @@ pub struct Stage {
     pub gust: Option<Gust>,
     /// A short pulse of wind across the stream, in addition to wind and gust, that takes the wake out of its symmetric state.
     pub perturbation: Option<Perturbation>,
+    /// Altitude, m, whose standard air the stage has instead of that of `flow.altitude_m`: density, temperature and viscosity change in the
+    /// ratio in which they change between both. For a stage that follows a long fall. Absent: `flow.altitude_m`.
+    pub altitude_m: Option<f64>,
+    /// Forces on the frame in a stage of kind `trajectory`.
+    pub trajectory: Option<Trajectory>,
     /// Prescribed motions of nodes.
     #[serde(default, rename = "motion")]
     pub motions: Vec<Motion>,
@@ -100,6 +108,8 @@ pub enum StageKind {
     /// Mesh and flow around a canopy that moves by `[[stage.motion]]` and bodies that move by `[[stage.body_motion]]`, at
     /// the initial descent speed.
     Prescribed,
+    /// No program: the frame moves as a point mass under weight and a quasi-steady force of the air (`[stage.trajectory]`).
+    Trajectory,
 }
 
 impl StageKind {
@@ -110,6 +120,7 @@ impl StageKind {
             StageKind::FlowOnly => &[Role::Flow],
             StageKind::Coupled => &[Role::Structure, Role::Flow, Role::Mesh],
             StageKind::Prescribed => &[Role::Flow, Role::Mesh],
+            StageKind::Trajectory => &[],
         }
     }
 }
@@ -127,11 +138,15 @@ impl Scene {
         self.discretisation(stage) == Discretisation::Immersed
     }
 
-    /// The scene as the programs of stage `k` see it: without `[flow.immersed]` where the stage has a fitted grid. Every stage names its method.
+    /// The scene as the programs of stage `k` see it: with the air of its altitude, without `[flow.immersed]` where the stage has a fitted grid. Every stage names its method.
     pub fn for_stage(&self, k: usize) -> Self {
         let mut view = self.clone();
         for (own, stage) in view.stages.iter_mut().zip(&self.stages) {
             own.flow_method = Some(self.discretisation(stage));
+        }
+        let altitude = self.stages.get(k).and_then(|s| s.altitude_m);
+        if let (Some(flow), Some(altitude)) = (view.flow.as_mut(), altitude) {
+            flow.move_to(altitude);
         }
         let fitted = self.stages.get(k).is_some_and(|s| !self.is_immersed(s));
         if let Some(flow) = view.flow.as_mut().filter(|_| fitted) {
@@ -197,6 +212,8 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         perturbation::check(scene, k, &at, c);
         prescribed(scene, k, &at, c);
         body_motion::check(scene, k, &at, c);
+        trajectory::check(scene, k, &at, c);
+        altitude(scene, k, &at, c);
         times(stage, &at, c);
         steps_and_damping(stage, &at, c);
         nodes(stage, &at, c);
@@ -293,6 +310,23 @@ fn nodes(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     }
 }
 
+/// An altitude belongs to a stage with the air of the standard atmosphere.
+fn altitude(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check) {
+    let s = &scene.stages[k];
+    let Some(altitude) = s.altitude_m else { return };
+    let path = at("altitude_m");
+    c.range(&path, altitude, ALTITUDES, "geopotential altitude of the standard atmosphere, m");
+    if !s.kind.roles().contains(&Role::Flow) {
+        c.refuse(&path, format!("stage \"{}\" runs no flow whose air could be another", s.name), "remove it");
+    } else if scene.flow.as_ref().is_some_and(|f| f.altitude_m.is_none()) {
+        c.refuse(
+            &path,
+            "the air of the scene is not that of an altitude, so that it has no ratio to that of this one",
+            "set flow.altitude_m, the altitude of the release, or remove it",
+        );
+    }
+}
+
 /// A pre-inflation has a pressure, and nothing else has.
 fn pressure(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
     match (s.kind, s.pressure_pa) {
@@ -315,7 +349,7 @@ fn pressure(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
 
 /// A stage with the flow has air and a grid.
 fn flow(scene: &Scene, s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
-    if s.kind == StageKind::PreInflation {
+    if matches!(s.kind, StageKind::PreInflation | StageKind::Trajectory) {
         return;
     }
     if scene.flow.is_none() {
