@@ -27,13 +27,14 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 32] = [
+const EFFECTS: [&str; 33] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
     channel::FRAME_MOTION,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,
+    channel::GUST_TURBULENCE,
     channel::PERTURBATION,
     "fabric.wrinkling",
     "fabric.orthotropic",

@@ -447,6 +447,7 @@ impl Participant for ImmersedParticipant {
             "flow.viscosity.turbulence",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
+            channel::GUST_TURBULENCE,
             channel::PERTURBATION,
             "fabric.permeability",
             "coupling.adaptive",
