@@ -340,7 +340,7 @@ impl ImmersedParticipant {
     }
 
     /// The velocity at which the grid starts its window relative to the wind at all heights and to that at the canopy, m/s, after it was moved to the canopy: a
-    /// new one is made where the canopy leaves the even cells, or air would enter through an outflow because the wind at the canopy has turned.
+    /// new one is made where the canopy leaves the even cells, or air would enter through an outflow because the local wind has changed its direction.
     fn move_grid(&mut self, w: &Window) -> Result<[Vector3<f64>; 2], Fault> {
         let relative = self.frame - Vector3::from(self.wind.at(w.time));
         let local = relative - self.excess();
