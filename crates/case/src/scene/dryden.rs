@@ -128,8 +128,8 @@ mod tests {
     fn every_band_has_the_variance_of_the_spectrum() {
         let air = DrydenTurbulence::new(&dryden(7));
         let ratio = (HIGHEST / LOWEST).powf(1.0 / BANDS as f64);
-        for c in 0..3 {
-            let unit = SPEED / LENGTHS[c];
+        for (c, length) in LENGTHS.into_iter().enumerate() {
+            let unit = SPEED / length;
             for (k, w) in air.waves[c].iter().enumerate() {
                 let low = unit * LOWEST * ratio.powi(k as i32);
                 let exact = integral(c, [low, low * ratio]);
@@ -144,9 +144,9 @@ mod tests {
     #[test]
     fn bands_keep_all_but_a_thousandth_of_the_variance() {
         let air = DrydenTurbulence::new(&dryden(7));
-        for c in 0..3 {
+        for (c, rms) in RMS.into_iter().enumerate() {
             let sum: f64 = air.waves[c].iter().map(|w| 0.5 * w.amplitude * w.amplitude).sum();
-            let kept = sum / (RMS[c] * RMS[c]);
+            let kept = sum / (rms * rms);
             assert!((kept - (1.0 - 4.0 / (1000.0 * PI))).abs() < 1e-8, "{c}: {kept}");
         }
         let beyond = [true, false].map(|along| 1.0 - share_below(SMALL, along));
@@ -171,10 +171,10 @@ mod tests {
     #[test]
     fn correlation_in_time_is_that_of_the_spectrum() {
         let air = DrydenTurbulence::new(&dryden(3));
-        for c in 0..3 {
+        for (c, length) in LENGTHS.into_iter().enumerate() {
             for s in [0.0f64, 0.3, 1.0, 2.0, 3.0] {
                 let exact = (-s).exp() * if c == 2 { 1.0 } else { 1.0 - 0.5 * s };
-                let found = correlation(&air, [c, c], s * LENGTHS[c] / SPEED);
+                let found = correlation(&air, [c, c], s * length / SPEED);
                 assert!((found - exact).abs() < 0.04, "component {c}, s = {s}: {found}, exact {exact}");
             }
         }
