@@ -205,6 +205,55 @@ fn times_of_action_have_their_shape() {
     );
 }
 
+/// Each refusal of turbulence names the key, its place and what to do.
+#[test]
+fn turbulence_without_a_size_is_refused() {
+    for (keys, parts) in [
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\n",
+            [
+                "scene.toml:",
+                "\"dryden\" has no `length_m`",
+                "set length_m: the length scales of the x, y and z components, m",
+            ],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "\"dryden\" has no `speed_m_s`", "set speed_m_s: the speed at which the frame"],
+        ),
+        (
+            "shape = \"dryden\"\nspeed_m_s = 5\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "\"dryden\" has no `duration_s`", "set duration_s"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 0, 9]\n",
+            ["scene.toml:", "is 0", "a length in m"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = -5\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "is -5", "a speed in m/s"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 9, 9]\nperiod_s = 3\n",
+            [
+                "scene.toml:",
+                "\"dryden\" does not use `period_s`",
+                "\"one-minus-cosine\", \"sine\" or \"table\"",
+            ],
+        ),
+        ("duration_s = 1\nseed = 3\n", ["scene.toml:", "does not use `seed`", "set shape = \"dryden\""]),
+        (
+            "duration_s = 1\npassage = \"x\"\n",
+            ["scene.toml:", "does not use `passage`", "set shape = \"dryden\""],
+        ),
+    ] {
+        let text = try_read(&[stage("fall", 0.1, keys)]).map(|_| ()).unwrap_err();
+        for part in parts {
+            assert!(text.contains(part), "{keys}{part}: {text}");
+        }
+    }
+}
+
 #[test]
 fn turbulence_of_negative_size_is_refused() {
     let text = format!("{BASE}{DEVELOP}{}", stage("fall", 0.1, DRYDEN));
@@ -255,43 +304,6 @@ fn gusts_that_are_no_function_of_time_are_refused() {
         (
             "shape = \"table\"\ntime_s = [0.0, 0.5]\nfactor = [1.0, 1.0]\nperiod_s = 0.4\n",
             ["scene.toml:", "from 0 to 0.5 s, but a period from 0 to 0.4 s", "or more"],
-        ),
-        (
-            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\n",
-            [
-                "scene.toml:",
-                "\"dryden\" has no `length_m`",
-                "set length_m: the length scales of the x, y and z components, m",
-            ],
-        ),
-        (
-            "shape = \"dryden\"\nduration_s = 1\nlength_m = [9, 9, 9]\n",
-            ["scene.toml:", "\"dryden\" has no `speed_m_s`", "set speed_m_s: the speed at which the frame"],
-        ),
-        (
-            "shape = \"dryden\"\nspeed_m_s = 5\nlength_m = [9, 9, 9]\n",
-            ["scene.toml:", "\"dryden\" has no `duration_s`", "set duration_s"],
-        ),
-        (
-            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 0, 9]\n",
-            ["scene.toml:", "is 0", "a length in m"],
-        ),
-        (
-            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = -5\nlength_m = [9, 9, 9]\n",
-            ["scene.toml:", "is -5", "a speed in m/s"],
-        ),
-        (
-            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 9, 9]\nperiod_s = 3\n",
-            [
-                "scene.toml:",
-                "\"dryden\" does not use `period_s`",
-                "\"one-minus-cosine\", \"sine\" or \"table\"",
-            ],
-        ),
-        ("duration_s = 1\nseed = 3\n", ["scene.toml:", "does not use `seed`", "set shape = \"dryden\""]),
-        (
-            "duration_s = 1\npassage = \"x\"\n",
-            ["scene.toml:", "does not use `passage`", "set shape = \"dryden\""],
         ),
         (
             "shape = \"table\"\ntime_s = [0.0, inf]\nfactor = [1.0, 1.0]\n",
