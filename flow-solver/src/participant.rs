@@ -170,6 +170,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             "flow.gust",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
+            channel::GUST_TURBULENCE,
             channel::PERTURBATION,
             channel::STAGE_ALTITUDE,
             channel::BOUNDARY_VALUES,

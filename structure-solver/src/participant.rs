@@ -34,6 +34,7 @@ const EFFECTS: [&str; 33] = [
     channel::FRAME_MOTION,
     channel::STAGE_WIND,
     channel::GUST_SHAPE,
+    channel::GUST_TURBULENCE,
     channel::PERTURBATION,
     channel::STAGE_ALTITUDE,
     "fabric.wrinkling",

@@ -183,6 +183,7 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     let air = [
         (scene.has_stage_wind(), channel::STAGE_WIND),
         (scene.has_general_gust(), channel::GUST_SHAPE),
+        (scene.has_turbulent_gust(), channel::GUST_TURBULENCE),
         (scene.has_perturbation(), channel::PERTURBATION),
         (scene.stages.iter().any(|s| s.altitude_m.is_some()), channel::STAGE_ALTITUDE),
     ];
@@ -218,25 +219,32 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
 mod tests {
     use super::*;
 
-    /// A flow that does not know the pulse is refused by name; so is a structure whose lines meet the air. Each is asked once.
+    /// The small descent with `stage` in its stage with the flow and `more` before its coupling.
+    fn scene(stage: &str, more: &str) -> Scene {
+        let text = include_str!("../../../cases/square-drop/scene.toml");
+        let text = text.replace("[coupling]", &format!("{more}[coupling]"));
+        let plain = "duration_s = 0.2\nwindow_s = 2e-2\n";
+        let text = text.replace(plain, &format!("duration_s = 1.0\nwindow_s = 2e-2\n{stage}\n"));
+        case::parse(std::path::Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
+    }
+
+    /// A flow that does not know the pulse or the turbulence is refused by name; so is a structure whose lines meet the air. Each is asked once.
     #[test]
-    fn perturbation_is_asked_of_the_programs_that_evaluate_the_wind() {
-        let scene = |more: &str| {
-            let text = include_str!("../../../cases/square-drop/scene.toml");
-            let text = text.replace("[coupling]", &format!("{more}[coupling]"));
-            let text = text.replace(
-                "duration_s = 0.2\nwindow_s = 2e-2\n",
-                "duration_s = 1.0\nwindow_s = 2e-2\n[stage.perturbation]\n",
-            );
-            case::parse(std::path::Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
-        };
+    fn winds_are_asked_of_the_programs_that_evaluate_them() {
         let asked = |scene: &Scene, role: Role, effect: &str| {
             required_effects(scene).into_iter().filter(|(r, e)| *r == role && e == effect).count()
         };
-        let (bare, drag) = (scene(""), scene("[lines.drag]\n"));
-        for effect in [channel::STAGE_WIND, channel::PERTURBATION] {
-            assert_eq!((asked(&bare, Role::Flow, effect), asked(&bare, Role::Structure, effect)), (1, 0));
-            assert_eq!((asked(&drag, Role::Flow, effect), asked(&drag, Role::Structure, effect)), (1, 1));
+        let gust = "[stage.gust]\nshape = \"dryden\"\nvelocity_m_s = [1, 1, 1]\nduration_s = 0.5\nlength_m = [9, 9, 9]\nspeed_m_s = 4.0";
+        for (stage, effects) in [
+            ("[stage.perturbation]", vec![channel::STAGE_WIND, channel::PERTURBATION]),
+            (gust, vec![channel::STAGE_WIND, channel::GUST_SHAPE, channel::GUST_TURBULENCE]),
+        ] {
+            let (bare, drag) = (scene(stage, ""), scene(stage, "[lines.drag]\n"));
+            for effect in effects {
+                assert_eq!((asked(&bare, Role::Flow, effect), asked(&bare, Role::Structure, effect)), (1, 0));
+                assert_eq!((asked(&drag, Role::Flow, effect), asked(&drag, Role::Structure, effect)), (1, 1));
+            }
         }
+        assert_eq!(asked(&scene("[stage.perturbation]", ""), Role::Flow, channel::GUST_TURBULENCE), 0);
     }
 }

@@ -39,6 +39,8 @@ const SINE: &str = "shape = \"sine\"\nstart_s = 0.1\nperiod_s = 0.4\ncycles = 2\
 const TABLE: &str =
     "shape = \"table\"\nstart_s = 0.1\ntime_s = [0.0, 0.2, 0.3, 0.4]\nfactor = [0.0, 1.0, -1.5, 0.0]\n";
 
+const DRYDEN: &str = "shape = \"dryden\"\nstart_s = 0.1\nduration_s = 0.4\nlength_m = [5.0, 5.0, 20.0]\nspeed_m_s = 5.0\nseed = 4\n";
+
 fn values(keys: &str, of: &[(f64, f64)]) {
     let gust = gust(keys);
     for (t, factor) in of {
@@ -93,6 +95,7 @@ fn shapes_are_continuous_at_their_joints() {
         (SINE, TAU / 0.4),
         (TABLE, 25.0),
         (repeated.as_str(), 25.0),
+        (DRYDEN, 0.5 * PI / 0.4),
     ] {
         let gust = gust(keys);
         let step = 1e-5;
@@ -143,6 +146,32 @@ fn the_largest_speed_is_found_in_all_shapes() {
     assert!((up - 7.0).abs() < 1e-12, "{up}");
 }
 
+/// Turbulence grows from nothing along half a cosine, has the digits of the wind in all programs, and its largest speed is that of its values: at
+/// 8 times in a period of 0.25 s, which holds 99 % of the variance.
+#[test]
+fn turbulence_grows_and_stays() {
+    let scene = read(&[stage("fall", 0.2, DRYDEN), stage("on", 40.0, &format!("clock = \"run\"\n{DRYDEN}"))]);
+    let (times, gust) = (StageTimes::planned(&scene), gust(DRYDEN));
+    assert_eq!(gust.at(0.1), [0.0; 3]);
+    let (half, full) = (gust.at(0.3)[2], gust.at(0.300_000_1)[2]);
+    assert!(half != 0.0 && (half - full).abs() < 1e-5 && gust.at(0.05) == [0.0; 3]);
+    for (stage, origin) in [(1, 0.0), (2, 0.4)] {
+        let air = scene.wind(stage, &times);
+        for k in 1..=100 {
+            let t = 0.002 * f64::from(k);
+            assert_eq!(air.at(t), gust.at(origin + t), "stage {stage}, {t} s");
+        }
+    }
+    let air = scene.wind(2, &times);
+    let speed = |t: f64| air.at(t)[2].abs();
+    let true_most = (0..400_000).map(|k| speed(1e-4 * f64::from(k))).fold(0.0, f64::max);
+    let [steady, most] = air.fastest(40.0, [0.0; 3]);
+    println!("largest speed {most:.4} m/s, true {true_most:.4}, 4 rms {}", gust.largest_speed());
+    assert_eq!((steady, gust.largest_speed()), (0.0, 8.0));
+    // A value between two of 8 in the period of omega is at most (pi/8)^2/2 = 8 % of its cosine higher; of those that are faster, 10 % of the rms, all.
+    assert!(most <= true_most && most > 0.9 * true_most - 0.2, "{most} {true_most}");
+}
+
 /// Half of 340.29 m/s is 170.1 m/s: the factor of a table counts.
 #[test]
 fn speeds_of_a_table_are_bounded_by_the_mach_number() {
@@ -165,10 +194,74 @@ fn times_of_action_have_their_shape() {
     assert_eq!(gust(stays).acts(), [f64::NEG_INFINITY, f64::INFINITY]);
     let periods = [PULSE, TRAIN, RAMP, SINE, TABLE].map(|keys| gust(keys).shortest_period());
     assert_eq!(periods, [None, Some(0.4), None, Some(0.4), None]);
+    assert_eq!(gust(DRYDEN).acts(), [0.1, f64::INFINITY]);
+    // Components without turbulence have no period: 20 m of z at 5 m/s.
+    let period = gust(DRYDEN).shortest_period().expect("a period");
+    assert!((period - TAU * 20.0 / (100.0 * 5.0)).abs() < 1e-12, "{period}");
+    assert!(gust(DRYDEN).is_general());
     assert_eq!(
         [PULSE, TRAIN, RAMP, SINE, TABLE].map(|k| gust(k).is_general()),
         [false, true, true, true, true]
     );
+}
+
+/// Each refusal of turbulence names the key, its place and what to do.
+#[test]
+fn turbulence_without_a_size_is_refused() {
+    for (keys, parts) in [
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\n",
+            [
+                "scene.toml:",
+                "\"dryden\" has no `length_m`",
+                "set length_m: the length scales of the x, y and z components, m",
+            ],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "\"dryden\" has no `speed_m_s`", "set speed_m_s: the speed at which the frame"],
+        ),
+        (
+            "shape = \"dryden\"\nspeed_m_s = 5\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "\"dryden\" has no `duration_s`", "set duration_s"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 0, 9]\n",
+            ["scene.toml:", "is 0", "a length in m"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = -5\nlength_m = [9, 9, 9]\n",
+            ["scene.toml:", "is -5", "a speed in m/s"],
+        ),
+        (
+            "shape = \"dryden\"\nduration_s = 1\nspeed_m_s = 5\nlength_m = [9, 9, 9]\nperiod_s = 3\n",
+            [
+                "scene.toml:",
+                "\"dryden\" does not use `period_s`",
+                "\"one-minus-cosine\", \"sine\" or \"table\"",
+            ],
+        ),
+        ("duration_s = 1\nseed = 3\n", ["scene.toml:", "does not use `seed`", "set shape = \"dryden\""]),
+        (
+            "duration_s = 1\npassage = \"x\"\n",
+            ["scene.toml:", "does not use `passage`", "set shape = \"dryden\""],
+        ),
+    ] {
+        let text = try_read(&[stage("fall", 0.1, keys)]).map(|_| ()).unwrap_err();
+        for part in parts {
+            assert!(text.contains(part), "{keys}{part}: {text}");
+        }
+    }
+}
+
+#[test]
+fn turbulence_of_negative_size_is_refused() {
+    let text = format!("{BASE}{DEVELOP}{}", stage("fall", 0.1, DRYDEN));
+    let text = text.replace("velocity_m_s = [0, 0, 2]", "velocity_m_s = [0, -1, 2]");
+    let error = case::parse(Path::new("scene.toml"), &text).map(|_| ()).unwrap_err().to_string();
+    for part in ["scene.toml:", "component y is -1 m/s", "zero or more"] {
+        assert!(error.contains(part), "{part}: {error}");
+    }
 }
 
 /// Each refusal names the key, its place and what to do.

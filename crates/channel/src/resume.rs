@@ -23,6 +23,9 @@ pub const STAGE_WIND: &str = "stage.wind";
 /// of pulses.
 pub const GUST_SHAPE: &str = "flow.gust.shape";
 
+/// Effect of a program that evaluates the turbulence of a gust as `case::Gust` defines it.
+pub const GUST_TURBULENCE: &str = "flow.gust.dryden";
+
 /// Effect of a program whose wind contains the pulse of `case::Scene::perturbation`.
 pub const PERTURBATION: &str = "stage.perturbation";
 

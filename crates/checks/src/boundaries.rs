@@ -58,9 +58,9 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "stages.gust-period",
-        what: "windows resolve the period of a gust that repeats",
+        what: "windows resolve the period of a gust that repeats, or of turbulence",
         estimate: "period of the gust over window_s, in stages with flow that the gust overlaps; of a train of pulses the \
-                   duration of a pulse",
+                   duration of a pulse, of turbulence the period below which lies 1 % of the variance across the passage",
         range: "warning below 20 windows in a period; otherwise a note",
         source: "the second-order time differences change the frequency omega of a response by (omega dt)^2 / 3, 3.3 % at 20 \
                  windows in a period",
@@ -147,8 +147,10 @@ fn gust_period(facts: &Facts<'_>) -> Vec<Judged> {
         let Some(period) = period.filter(|_| scene.wind(k, &times).gusts(times.of(k))) else { continue };
         let windows = period / stage.window_s;
         let severity = if windows < WINDOWS_PER_PERIOD { Warning } else { Note };
+        let turbulent = scene.gust(k).is_some_and(|(gust, _)| gust.shape == case::GustShape::Dryden);
+        let meaning = if turbulent { ", below which lies 1 % of the variance of the turbulence" } else { "" };
         let figure = format!(
-            "stage `{}` has {} windows in the gust's period of {} s",
+            "stage `{}` has {} windows in the gust's period of {} s{meaning}",
             stage.name,
             digits(windows),
             digits(period)

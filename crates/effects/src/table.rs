@@ -600,9 +600,9 @@ pub const TABLE: &[Entry] = &[
     Entry {
         key: "flow.gust",
         what: "gust",
-        model: "all air accelerates equally: a pulse, pulses that repeat, a ramp, a sine or a table over time",
-        equation: "w(t) = w_0 + G f(t); f = (1 - cos(2 pi t / T)) / 2 of a pulse, (1 - cos(pi t / T)) / 2 of a ramp, sin(2 pi t / T)",
-        reference: "one-minus-cosine gust: CS-25.341",
+        model: "all air accelerates equally: a pulse, pulses that repeat, a ramp, a sine, a table over time, or Dryden turbulence",
+        equation: "w(t) = w_0 + G f(t); f = (1 - cos(2 pi t / T)) / 2 of a pulse, (1 - cos(pi t / T)) / 2 of a ramp, sin(2 pi t / T); of turbulence the sum of cosines a_k cos(omega_k t + phi_k)",
+        reference: "one-minus-cosine gust: CS-25.341; turbulence: MIL-F-8785C, section 3.7",
         programs: FLOW,
         announced_by: Some(Role::Flow),
         criterion: "the fall in air with and without the gust; within a factor of 3",

@@ -272,7 +272,7 @@ mod tests {
         eddies.add_rates(&grid, &u, 0..n, &mut rates);
         assert!(rates.iter().flatten().all(|r| *r == 0.0));
         u.iter_mut().flatten().for_each(|u| *u = noise() - 0.5);
-        grid.fill_ghosts(&mut u, far, &slabs);
+        grid.fill_ghosts(&mut u, &far.into(), &slabs);
         eddies.add_rates(&grid, &u, 0..n, &mut rates);
         let mut work = 0.0;
         for c in 0..3 {

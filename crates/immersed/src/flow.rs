@@ -20,21 +20,23 @@ use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
 use crate::eddy_viscosity::EddyViscosity;
+use crate::far_field::FarField;
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
-use crate::grid::{Grid, Velocity};
+use crate::grid::{GHOSTS, Grid, Velocity};
 use crate::momentum::Momentum;
 use crate::poisson::Poisson;
 use crate::pressure_jumps::ConstraintWork;
 use crate::projection::{Part, cells_of, divergence};
 use crate::slabs::{Alone, Ranks, Slabs, TooManyRanks};
+use crate::undisturbed::Undisturbed;
 
 /// Constants of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
     /// Density, kg/m3.
     pub density: f64,
-    /// Velocity of the far field, m/s.
+    /// Velocity of the far field, m/s; [`Flow::set_far_by_height`] sets another one in each plane.
     pub far: Vector3<f64>,
     /// Constants of the momentum equation.
     pub momentum: Momentum,
@@ -84,6 +86,9 @@ pub struct Flow {
     pub settings: Settings,
     /// Velocity of the last accepted step, m/s, in the own planes and those next to them ([`Flow::gather`]).
     pub velocity: Velocity,
+    pub(crate) far_field: FarField,
+    /// Where the velocity of the far field changes with height.
+    undisturbed: Option<Undisturbed>,
     pub(crate) slabs: Slabs,
     pub(crate) poisson: Poisson,
     /// Rates of the last accepted step; empty after a step that is kept, which has them.
@@ -155,6 +160,8 @@ impl Flow {
             jump: Vec::new(),
             dt: 0.0,
             eddies: None,
+            far_field: settings.far.into(),
+            undisturbed: None,
             velocity,
             settings,
             grid,
@@ -177,8 +184,31 @@ impl Flow {
 
     /// Fills the ghosts of the velocity after its cells were set, and the planes of other ranks next to the own ones.
     pub fn fill_ghosts(&mut self) {
-        self.grid.fill_ghosts(&mut self.velocity, self.settings.far, &self.slabs);
+        self.grid.fill_ghosts(&mut self.velocity, &self.far_field, &self.slabs);
         self.slabs.exchange(&mut self.velocity);
+    }
+
+    /// Lets the velocity of the far field change with height: at `start` and `end` of the next step it is that of each height z (m, in the grid), m/s. The vertical
+    /// component must be the same at all heights, because the flow is incompressible. To be set before each prediction of a step, and before
+    /// [`Self::return_to_prediction`].
+    pub fn set_far_by_height(
+        &mut self,
+        start: impl Fn(f64) -> Vector3<f64>,
+        end: impl Fn(f64) -> Vector3<f64>,
+    ) {
+        self.far_field.set(&self.grid.axes[2], end);
+        self.undisturbed.get_or_insert_with(|| Undisturbed::new(&self.grid)).set(start);
+    }
+
+    /// Sets the velocity to that of the far field.
+    pub fn start_undisturbed(&mut self) {
+        let ghosts = GHOSTS as isize;
+        let plane = self.grid.strides[2];
+        for (c, values) in self.velocity.iter_mut().enumerate() {
+            for (k, layer) in values.chunks_exact_mut(plane).enumerate() {
+                layer.fill(self.far_field.at(c, k as isize - ghosts));
+            }
+        }
     }
 
     /// Sets each component of the velocity, m/s, to its `value` at its place, m.
@@ -234,6 +264,9 @@ impl Flow {
             eddies.update(&self.grid, &self.velocity, &self.slabs, friction.as_deref());
             eddies.add_rates(&self.grid, &self.velocity, planes, &mut rates);
         }
+        if let Some(air) = &mut self.undisturbed {
+            air.subtract_rates((&self.settings.momentum, frame), &self.grid, self.slabs.own(), &mut rates);
+        }
         self.rates = rates;
         self.dt = dt;
         if self.kept.is_some() {
@@ -242,6 +275,7 @@ impl Flow {
         } else {
             self.extrapolate(&own);
         }
+        self.add_change_of_far_field();
         self.at_walls.clear();
         if let Some(friction) = friction {
             friction.apply(self.settings.density, viscosity, dt, &own, &mut self.predicted);
@@ -298,6 +332,13 @@ impl Flow {
         self.predicted = predicted;
     }
 
+    /// What the undisturbed air changes over the step.
+    fn add_change_of_far_field(&mut self) {
+        if let Some(air) = &self.undisturbed {
+            air.add_change(&self.far_field, &self.grid, self.slabs.own(), &mut self.predicted);
+        }
+    }
+
     /// [`Self::extrapolate`] in the array of the velocity, which is empty afterwards.
     fn extrapolate_in_place(&mut self, own: &Range<usize>) {
         assert!(!self.velocity[0].is_empty(), "a step after one that is kept is predicted once");
@@ -331,6 +372,7 @@ impl Flow {
         let planes = self.slabs.own();
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
         self.extrapolate(&own);
+        self.add_change_of_far_field();
         for (c, at, value) in &self.at_walls {
             self.predicted[*c as usize][*at] = *value;
         }
@@ -368,7 +410,7 @@ impl Flow {
 
     /// Fills the ghosts of the predicted velocity.
     fn close_prediction(&mut self) {
-        self.grid.fill_ghosts(&mut self.predicted, self.settings.far, &self.slabs);
+        self.grid.fill_ghosts(&mut self.predicted, &self.far_field, &self.slabs);
         self.grid.copy_to_outflow(&mut self.predicted, &self.slabs);
         self.slabs.close(&mut self.predicted);
     }

@@ -8,6 +8,7 @@ use std::ops::Range;
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
+use crate::far_field::FarField;
 use crate::slabs::Slabs;
 
 /// Layers of cells around the grid that boundary conditions fill.
@@ -18,9 +19,9 @@ pub const GHOSTS: usize = 2;
 pub enum End {
     /// The far field's velocity.
     Inflow,
-    /// The far field's velocity across, no gradient along.
+    /// The far field's velocity across, no gradient along of what differs from the far field.
     Slip,
-    /// Pressure zero, no gradient of the velocity.
+    /// Pressure zero, no gradient of what differs from the far field.
     Outflow,
 }
 
@@ -177,19 +178,26 @@ impl Grid {
         }
     }
 
-    /// Fills the ghosts of `u` and the faces that the far field's velocity `far` (m/s) sets, in the planes along z that `slabs` sets.
-    pub fn fill_ghosts(&self, u: &mut Velocity, far: Vector3<f64>, slabs: &Slabs) {
+    /// Fills the ghosts of `u` and the faces that the `far` field sets, in the planes along z that `slabs` sets.
+    pub fn fill_ghosts(&self, u: &mut Velocity, far: &FarField, slabs: &Slabs) {
         let planes = slabs.set_planes();
         for (c, values) in u.iter_mut().enumerate() {
             for d in 0..2 {
-                self.fill_ends(values, [c, d], far[c], [true; 2], &planes);
+                self.fill_ends(values, [c, d], far, [true; 2], &planes);
             }
-            self.fill_ends(values, [c, 2], far[c], slabs.ends(), &planes);
+            self.fill_ends(values, [c, 2], far, slabs.ends(), &planes);
         }
     }
 
     /// Fills those of the two `ends` of axis `d` for component `c`, within `planes` along z.
-    fn fill_ends(&self, u: &mut [f64], [c, d]: [usize; 2], far: f64, ends: [bool; 2], planes: &Range<isize>) {
+    fn fill_ends(
+        &self,
+        u: &mut [f64],
+        [c, d]: [usize; 2],
+        far: &FarField,
+        ends: [bool; 2],
+        planes: &Range<isize>,
+    ) {
         let (n, s) = (self.axes[d].len() as isize, self.strides[d]);
         let [a, b] = [(d + 1) % 3, (d + 2) % 3];
         let g = GHOSTS as isize;
@@ -200,16 +208,17 @@ impl Grid {
         for q in extent(b) {
             for p in extent(a) {
                 let base = p * self.strides[a] + q * self.strides[b];
+                let at = |i: isize| base + (i + g) as usize * s;
+                let plane = (if a == 2 { p } else { q }) as isize - g;
+                let far = |i: isize| far.at(c, if d == 2 { i } else { plane });
                 match self.ends[d] {
                     Ends::Periodic => {
-                        let at = |i: isize| base + (i + g) as usize * s;
                         for layer in 1..=GHOSTS as isize {
                             u[at(-layer)] = u[at(n - layer)];
                             u[at(n + layer - 1)] = u[at(layer - 1)];
                         }
                     }
                     Ends::Open([low, high]) => {
-                        let at = |i: isize| base + (i + g) as usize * s;
                         if ends[0] {
                             fill_low(u, at, low, far, c == d);
                         }
@@ -223,36 +232,46 @@ impl Grid {
     }
 }
 
-/// Fills the low end of a line. The boundary is face 0 of a normal component (`normal`), else between cells -1 and 0.
+/// Fills the low end of a line, in whose cell i the far field has the velocity `far(i)`. The boundary is face 0 of a normal component (`normal`), else
+/// between cells -1 and 0.
 #[inline(always)]
-fn fill_low(u: &mut [f64], at: impl Fn(isize) -> usize, end: End, far: f64, normal: bool) {
+fn fill_low(u: &mut [f64], at: impl Fn(isize) -> usize, end: End, far: impl Fn(isize) -> f64, normal: bool) {
     let own = if normal { 0 } else { -1 };
     if normal && end != End::Outflow {
-        u[at(0)] = far;
+        u[at(0)] = far(0);
     }
+    let copy = |u: &[f64], to: isize, from: isize| u[at(from)] + (far(to) - far(from));
     for layer in 1..=GHOSTS as isize {
         u[at(-layer)] = match end {
-            End::Inflow => far,
-            End::Slip if normal => 2.0 * far - u[at(layer)],
-            End::Slip => u[at(layer - 1)],
-            End::Outflow => u[at(own + 1)],
+            End::Inflow => far(-layer),
+            End::Slip if normal => (far(-layer) + far(layer)) - u[at(layer)],
+            End::Slip => copy(u, -layer, layer - 1),
+            End::Outflow => copy(u, -layer, own + 1),
         };
     }
 }
 
 /// Fills the high end of a line of `n` cells.
 #[inline(always)]
-fn fill_high(u: &mut [f64], at: impl Fn(isize) -> usize, end: End, far: f64, normal: bool, n: isize) {
+fn fill_high(
+    u: &mut [f64],
+    at: impl Fn(isize) -> usize,
+    end: End,
+    far: impl Fn(isize) -> f64,
+    normal: bool,
+    n: isize,
+) {
     if normal && end != End::Outflow {
-        u[at(n)] = far;
+        u[at(n)] = far(n);
     }
+    let copy = |u: &[f64], to: isize, from: isize| u[at(from)] + (far(to) - far(from));
     for layer in isize::from(normal)..GHOSTS as isize {
         u[at(n + layer)] = match end {
-            End::Inflow => far,
-            End::Slip if normal => 2.0 * far - u[at(n - layer)],
-            End::Slip => u[at(n - layer - 1)],
-            End::Outflow if normal => u[at(n)],
-            End::Outflow => u[at(n - 1)],
+            End::Inflow => far(n + layer),
+            End::Slip if normal => (far(n + layer) + far(n - layer)) - u[at(n - layer)],
+            End::Slip => copy(u, n + layer, n - layer - 1),
+            End::Outflow if normal => copy(u, n + layer, n),
+            End::Outflow => copy(u, n + layer, n - 1),
         };
     }
 }

@@ -1,6 +1,7 @@
 //! Incompressible flow on a rectilinear grid through which surfaces move.
 //!
 //! - [`axis`], [`grid`], [`placement`]: cells around a surface and the layout of staggered arrays,
+//! - [`far_field`]: the velocity of the undisturbed air, which may change with height,
 //! - [`momentum`]: convection and viscous stress,
 //! - [`eddy_viscosity`]: models of the eddies that cells do not resolve, and their stress,
 //! - [`poisson`]: the pressure equation,
@@ -20,6 +21,7 @@ pub mod cut_faces;
 mod eddy_stress;
 pub mod eddy_viscosity;
 pub mod face_transfer;
+pub mod far_field;
 pub mod flow;
 pub mod free_edges;
 pub mod friction;
@@ -33,3 +35,4 @@ mod projection;
 mod regrid;
 pub mod shapes;
 pub mod slabs;
+mod undisturbed;

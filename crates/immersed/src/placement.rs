@@ -57,6 +57,16 @@ impl Placement {
     }
 }
 
+/// Whether no outflow of `grid` would be an inflow in a stream of this velocity (of any length).
+pub fn lets_out(grid: &Grid, stream: Vector3<f64>) -> bool {
+    let stream = stream.try_normalize(0.0).unwrap_or(Vector3::z());
+    (0..3).all(|d| match grid.ends[d] {
+        Ends::Open([End::Outflow, _]) => stream[d] <= ALONG,
+        Ends::Open([_, End::Outflow]) => stream[d] >= -ALONG,
+        _ => true,
+    })
+}
+
 /// Least and largest coordinates of points, m.
 pub fn bounds<'a>(points: impl IntoIterator<Item = &'a Vector3<f64>>) -> [Vector3<f64>; 2] {
     let empty = [Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY)];
@@ -89,6 +99,16 @@ mod tests {
         assert!((35.0..36.0).contains(&top), "{top}");
         assert_eq!(up.ends[2], Ends::Open([End::Inflow, End::Outflow]));
         assert_eq!(up.ends[0], Ends::Open([End::Slip, End::Slip]));
+    }
+
+    #[test]
+    fn a_stream_that_has_turned_enters_through_an_outflow() {
+        let bounds = [Vector3::new(-1.0, -2.0, 0.0), Vector3::new(1.0, 2.0, 1.0)];
+        let grid = SIZES.grid(&bounds, Vector3::new(1.0, 0.0, 2.0));
+        for (stream, out) in [([1.0, 0.0, 2.0], true), ([-0.2, 9.0, 2.0], true), ([-1.0, 0.0, 2.0], false)] {
+            assert_eq!(lets_out(&grid, stream.into()), out, "{stream:?}");
+        }
+        assert!(!lets_out(&grid, -Vector3::z()));
     }
 
     /// Of widths from one to seven cells, the least number of cells would be odd for three.

@@ -44,15 +44,23 @@ fn interpolated(grid: &Grid, u: &[f64], lines: &[Interpolation; 3], cell: [usize
 
 impl Flow {
     /// The same flow on another grid, whose origin lies at `origin` (m) in the coordinates of this one: interpolated linearly, the far field's velocity
-    /// where this grid ends. The next step removes what divergence that leaves; it is of first order in time.
+    /// where this grid ends, `far` at each height in the new grid if it is not the same everywhere. The next step removes what divergence that leaves; it is of first order in time.
     ///
     /// # Errors
     /// A grid with too few cells for the ranks.
-    pub fn on_grid(&mut self, grid: Grid, origin: Vector3<f64>) -> Result<Self, TooManyRanks> {
+    pub fn on_grid(
+        &mut self,
+        grid: Grid,
+        origin: Vector3<f64>,
+        far: Option<&dyn Fn(f64) -> Vector3<f64>>,
+    ) -> Result<Self, TooManyRanks> {
         self.gather();
         self.release_arrays();
         let mut flow = Self::on_ranks(grid, self.settings, self.slabs().ranks().clone())?;
         flow.set_subgrid_model(self.subgrid_model());
+        if let Some(far) = far {
+            flow.set_far_by_height(far, far);
+        }
         for c in 0..3 {
             let lines = [0, 1, 2].map(|d| Interpolation::new(&self.grid, &flow.grid, c, d, origin[d]));
             let extent = |d: usize| flow.grid.axes[d].len() + usize::from(c == d);
@@ -61,7 +69,7 @@ impl Flow {
                     for i in 0..extent(0) {
                         let value = interpolated(&self.grid, &self.velocity[c], &lines, [i, j, k]);
                         let at = flow.grid.at([i, j, k].map(|i| i as isize));
-                        flow.velocity[c][at] = value.unwrap_or(self.settings.far[c]);
+                        flow.velocity[c][at] = value.unwrap_or(flow.far_field.at(c, k as isize));
                     }
                 }
             }

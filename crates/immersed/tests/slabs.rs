@@ -160,7 +160,7 @@ fn run(
         figures.push(flow.largest_eddy_rate(Some(&friction)));
         assert!(flow.largest_divergence() < 1e-11, "{}", flow.largest_divergence());
         if step == 3 {
-            flow = flow.on_grid(grid(), Vector3::new(0.01, -0.02, 0.03)).expect("slabs");
+            flow = flow.on_grid(grid(), Vector3::new(0.01, -0.02, 0.03), None).expect("slabs");
         }
     }
     flow.gather();

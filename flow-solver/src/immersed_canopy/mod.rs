@@ -15,6 +15,7 @@ mod ranks;
 mod snapshot;
 mod state;
 mod step;
+mod wind_by_height;
 
 pub use participant::{ImmersedParticipant, participant};
 pub(crate) use state::Saved;

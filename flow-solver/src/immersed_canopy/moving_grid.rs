@@ -102,7 +102,7 @@ impl MovingGrid {
         })
     }
 
-    /// A new grid around the points, with the flow of the old one.
+    /// A new grid around the points, with the flow of the old one. `far`: velocity of the far field at each height in the falling frame, where it is not zero.
     ///
     /// # Errors
     /// As [`Self::around`], and a grid with too few cells for the ranks.
@@ -111,9 +111,14 @@ impl MovingGrid {
         flow: &mut Flow,
         points: &[Vector3<f64>],
         stream: Vector3<f64>,
+        far: Option<&dyn Fn(f64) -> Vector3<f64>>,
     ) -> Result<(), NoGrid> {
         let (new, grid) = Self::around(self.placement, points, stream)?;
-        *flow = flow.on_grid(grid, new.origin - self.origin)?;
+        let shift = new.origin - self.origin;
+        *flow = match far {
+            Some(far) => flow.on_grid(grid, shift, Some(&|z: f64| far(new.origin.z + z)))?,
+            None => flow.on_grid(grid, shift, None)?,
+        };
         *self = Self { new_grids: self.new_grids + 1, ..new };
         Ok(())
     }

@@ -12,7 +12,7 @@ use immersed::constraints::FluxConstraints;
 use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, FlowState, Settings};
 use immersed::momentum::{Momentum, laminar_upwind_share};
-use immersed::placement::{Placement, bounds};
+use immersed::placement::{Placement, bounds, lets_out};
 use immersed::slabs::{Ranks, share};
 use mesh::StructureMesh;
 use nalgebra::Vector3;
@@ -24,6 +24,7 @@ use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
 use super::step::{AroundCanopy, Cut, OpenWindow, Solution, Start};
+use super::wind_by_height::{Climb, WindByHeight};
 use crate::handover;
 use crate::physics::Permeability;
 
@@ -46,7 +47,10 @@ pub struct ImmersedParticipant {
     grid: MovingGrid,
     /// Whether the canopy moves in this stage.
     moving: bool,
+    /// Wind at all heights: at the frame's origin at the start, with gusts.
     wind: Wind,
+    /// What it has more at each height.
+    by_height: Option<WindByHeight>,
     cloth: Option<Permeability>,
     sound: f64,
     /// Accepted positions of the canopy in the falling frame, m, and velocities, m/s.
@@ -141,6 +145,13 @@ impl Begin {
     }
 }
 
+/// Difference of the wind in the middle of the canopy from that at all heights, m/s.
+fn excess(by_height: Option<&WindByHeight>, canopy: &[Vector3<f64>]) -> Vector3<f64> {
+    let Some(shear) = by_height else { return Vector3::zeros() };
+    let [low, high] = bounds(canopy);
+    shear.excess(0.5 * (low.z + high.z))
+}
+
 /// The sizes that a scene asks for.
 fn placement(g: &case::Immersed) -> Placement {
     Placement {
@@ -183,6 +194,11 @@ impl ImmersedParticipant {
         let air = scene.flow.as_ref().ok_or_else(missing)?;
         let sizes = placement(air.immersed.as_ref().ok_or_else(missing)?);
         let wind = scene.wind(stage, &StageTimes::completed(scene, out, stage));
+        let by_height = WindByHeight::of_scene(air);
+        let wind = match &by_height {
+            Some(shear) => wind.with_steady(shear.base().into()),
+            None => wind,
+        };
         let plan = &scene.stages[stage];
         let drop = TOLERANCE_OF_DROP * air.solver.residual_drop;
         let tolerance = match plan.kind {
@@ -192,7 +208,7 @@ impl ImmersedParticipant {
         let viscosity = air.viscosity.as_ref().map_or(0.0, |v| v.dynamic_viscosity_pa_s / air.density_kg_m3);
         let momentum = Momentum { upwind_share: air.upwind_share(), viscosity };
         let settings = Settings { density: air.density_kg_m3, far: Vector3::zeros(), momentum, tolerance };
-        let stream = Vector3::from(wind.at(0.0)) - begin.frame;
+        let stream = Vector3::from(wind.at(0.0)) + excess(by_height.as_ref(), &begin.positions) - begin.frame;
         let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
         let cloth = scene.fabric.permeability.as_ref().map(|p| {
             let (a, b) = p.coefficients(air.density_kg_m3);
@@ -200,6 +216,11 @@ impl ImmersedParticipant {
         });
         let mut flow = Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?;
         flow.set_subgrid_model(subgrid_model(air)?);
+        if let Some(shear) = &by_height {
+            let far = |z: f64| shear.excess(grid.origin.z + z);
+            flow.set_far_by_height(far, far);
+            flow.start_undisturbed();
+        }
         Ok(Self {
             share_by_resolution: is_laminar(air) && air.convection.upwind_share.is_none(),
             flow,
@@ -210,6 +231,7 @@ impl ImmersedParticipant {
             grid,
             moving: plan.kind != StageKind::FlowOnly,
             wind,
+            by_height,
             cloth,
             sound: air.sound_speed(),
             positions: begin.positions,
@@ -283,6 +305,9 @@ impl ImmersedParticipant {
         self.along = MeanForceAlong(motion.along);
         self.grid = MovingGrid { placement: self.grid.placement, origin, home, new_grids };
         self.frame = motion.frame;
+        if let (Some(shear), Some(height)) = (&mut self.by_height, motion.height) {
+            shear.height = height;
+        }
         if with_canopy {
             (self.positions, self.velocities) = (motion.positions, motion.velocities);
         }
@@ -299,10 +324,55 @@ impl ImmersedParticipant {
         Ok(())
     }
 
+    /// Mean wind over the window, m/s.
+    fn mean_wind(&self, w: &Window) -> Vector3<f64> {
+        0.5 * (Vector3::from(self.wind.at(w.time)) + Vector3::from(self.wind.at(w.time + w.dt)))
+    }
+
     /// Velocity of the frame relative to the mean wind over the window, m/s, if it has the velocity `end` at its end.
     fn mean_frame(&self, w: &Window, end: Vector3<f64>) -> Vector3<f64> {
-        let wind = 0.5 * (Vector3::from(self.wind.at(w.time)) + Vector3::from(self.wind.at(w.time + w.dt)));
-        0.5 * (self.frame + end) - wind
+        0.5 * (self.frame + end) - self.mean_wind(w)
+    }
+
+    /// Difference of the wind at the canopy from that of the frame's origin at the start, m/s.
+    fn excess(&self) -> Vector3<f64> {
+        excess(self.by_height.as_ref(), &self.positions)
+    }
+
+    /// The velocity at which the grid starts its window relative to the wind at all heights and to that at the canopy, m/s, after it was moved to the canopy: a
+    /// new one is made where the canopy leaves the even cells, or air would enter through an outflow because the local wind has changed its direction.
+    fn move_grid(&mut self, w: &Window) -> Result<[Vector3<f64>; 2], Fault> {
+        let relative = self.frame - Vector3::from(self.wind.at(w.time));
+        let local = relative - self.excess();
+        let start = self.start(relative);
+        let expected = super::step::predicted(&start, w.dt, self.grid.placement.spacing);
+        let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
+        let turned = self.by_height.is_some() && !lets_out(&self.flow.grid, -local);
+        if turned || !self.grid.contains(&self.flow.grid, &all) {
+            let far = self.by_height.as_ref().map(|shear| |z: f64| shear.excess(z));
+            let far = far.as_ref().map(|far| far as &dyn Fn(f64) -> Vector3<f64>);
+            self.grid.follow(&mut self.flow, &all, -local, far).map_err(Fault::new)?;
+            (self.last, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
+            if self.is_root() {
+                let [x, y, z] = self.flow.grid.cells();
+                println!(
+                    "window {} (t = {:.4} s): new grid of {x} x {y} x {z} cells around the canopy",
+                    w.index, w.time
+                );
+            }
+        }
+        Ok([relative, local])
+    }
+
+    /// What a window starts from, without the way of its grid.
+    fn start(&self, relative: Vector3<f64>) -> Start<'_> {
+        Start {
+            positions: &self.positions,
+            velocities: &self.velocities,
+            origin: self.grid.origin,
+            frame: relative,
+            climb: None,
+        }
     }
 
     /// Opens a window: moves the grid, cuts it, and connects cuts and faces.
@@ -313,29 +383,9 @@ impl ImmersedParticipant {
         let wrong = |e| {
             Fault::new(format!("window {} (t = {:.4} s): {e}; raise flow.immersed.room", w.index, w.time))
         };
-        let relative = self.frame - Vector3::from(self.wind.at(w.time));
-        let start = Start {
-            positions: &self.positions,
-            velocities: &self.velocities,
-            origin: self.grid.origin,
-            frame: relative,
-        };
-        let expected = super::step::predicted(&start, w.dt, self.grid.placement.spacing);
-        let all: Vec<_> = self.positions.iter().chain(&expected).copied().collect();
-        if !self.grid.contains(&self.flow.grid, &all) {
-            self.grid.follow(&mut self.flow, &all, -relative).map_err(Fault::new)?;
-            (self.last, self.last_jumps, self.vertices) = (None, Vec::new(), Vec::new());
-            if self.is_root() {
-                let [x, y, z] = self.flow.grid.cells();
-                println!(
-                    "window {} (t = {:.4} s): new grid of {x} x {y} x {z} cells around the canopy",
-                    w.index, w.time
-                );
-            }
-        }
+        let [relative, local] = self.move_grid(w)?;
         let drift =
-            if self.moving { self.grid.drift(&self.positions, relative.norm()) } else { Vector3::zeros() };
-        let start = Start { origin: self.grid.origin, ..start };
+            if self.moving { self.grid.drift(&self.positions, local.norm()) } else { Vector3::zeros() };
         if self.share_by_resolution {
             let speed = self.flow.largest_speed(relative + drift);
             let momentum = &mut self.flow.settings.momentum;
@@ -344,13 +394,26 @@ impl ImmersedParticipant {
         }
         let at = (w.index, w.dt);
         let motion = [relative + drift, drift];
+        // Over the window the grid moves with the mean wind, as `accept` has it.
+        let climb = self.by_height.clone().map(|wind| Climb {
+            wind,
+            origin: self.grid.origin.z,
+            velocity: motion[0].z + self.mean_wind(w).z,
+        });
+        let start = Start {
+            positions: &self.positions,
+            velocities: &self.velocities,
+            origin: self.grid.origin,
+            frame: relative,
+            climb,
+        };
         let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, motion, self.last.as_ref())
             .map_err(wrong)?;
         let jumps = match &self.last {
             Some((last, _)) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
             None => Vec::new(),
         };
-        let floor = LINEAR_CLOTH * self.flow.settings.density * relative.norm_squared();
+        let floor = LINEAR_CLOTH * self.flow.settings.density * local.norm_squared();
         open.set_cloth(self.cloth, &jumps, floor.max(f64::MIN_POSITIVE));
         open.start_from(&mut self.flow, jumps);
         self.open = Some(open);
@@ -443,10 +506,12 @@ impl Participant for ImmersedParticipant {
             "flow",
             "flow.immersed",
             "flow.gust",
+            "flow.shear",
             "flow.viscosity",
             "flow.viscosity.turbulence",
             channel::STAGE_WIND,
             channel::GUST_SHAPE,
+            channel::GUST_TURBULENCE,
             channel::PERTURBATION,
             channel::STAGE_ALTITUDE,
             "fabric.permeability",
@@ -539,11 +604,14 @@ impl Participant for ImmersedParticipant {
         self.vertices = self.surface.vertices(&open.nodes, self.grid.origin + open.drift * open.dt);
         // The grid moves at a velocity that was fixed before that of the frame.
         self.grid.origin += (open.velocity - frame) * open.dt;
+        if let Some(shear) = &mut self.by_height {
+            shear.height += 0.5 * (self.frame.z + end.z) * open.dt;
+        }
         for ((v, x), start) in self.velocities.iter_mut().zip(&positions).zip(&self.positions) {
             *v = (x - start) / open.dt;
         }
         (self.positions, self.frame) = (positions, end);
-        let (dt, velocity) = (open.dt, open.velocity);
+        let (dt, velocity) = (open.dt, open.velocity - self.excess());
         self.last_friction = open.friction();
         self.last = open.accept(&mut self.flow);
         self.last_jumps = self.flow.jumps().to_vec();
@@ -564,6 +632,7 @@ impl Participant for ImmersedParticipant {
             home: self.grid.home,
             new_grids: self.grid.new_grids,
             frame: self.frame,
+            height: self.by_height.as_ref().map(|shear| shear.height),
         };
         self.flow.gather();
         if !self.is_root() {

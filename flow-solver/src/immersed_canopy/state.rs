@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 const KIND: [u8; 8] = *b"RIPIMMER";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// One axis of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -46,6 +46,8 @@ pub struct Saved<'a> {
     pub new_grids: u32,
     /// Velocity of the frame, m/s.
     pub frame: [f64; 3],
+    /// Height of its origin above ground, m, where the wind changes with height.
+    pub height: Option<f64>,
 }
 
 /// What a [`Saved`] consists of besides flow and grid.
@@ -58,6 +60,7 @@ pub struct Kinematics {
     pub home: Vector3<f64>,
     pub new_grids: u32,
     pub frame: Vector3<f64>,
+    pub height: Option<f64>,
 }
 
 fn rows(values: &[Vector3<f64>]) -> Vec<[f64; 3]> {
@@ -105,6 +108,7 @@ impl<'a> Saved<'a> {
             home: motion.home.into(),
             new_grids: motion.new_grids,
             frame: motion.frame.into(),
+            height: motion.height,
         }
     }
 
@@ -123,6 +127,7 @@ impl<'a> Saved<'a> {
             home: self.home.into(),
             new_grids: self.new_grids,
             frame: self.frame.into(),
+            height: self.height,
         };
         if motion.positions.len() != nodes
             || motion.velocities.len() != nodes

@@ -10,6 +10,7 @@ use immersed::pressure_jumps::SolveHistory;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
+use super::wind_by_height::Climb;
 use crate::physics::Permeability;
 
 /// Sum over the axes of Courant numbers that a step has at most.
@@ -88,6 +89,8 @@ pub struct OpenWindow {
     first: Option<PredictedFluxes>,
     /// What the solutions of the constraints of each step have left for the next ones.
     histories: Vec<SolveHistory>,
+    /// Its way through a wind that changes with height.
+    climb: Option<Climb>,
     /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
     pub courant: f64,
     pub speed: f64,
@@ -116,6 +119,8 @@ pub struct Start<'a> {
     pub origin: Vector3<f64>,
     /// Velocity of the frame relative to the wind, m/s.
     pub frame: Vector3<f64>,
+    /// Way of the grid through a wind that changes with height.
+    pub climb: Option<Climb>,
 }
 
 /// Number of equal steps of a window of `dt` s; `eddies`: rate of the eddy viscosity, 1/s. The stress of walls is implicit and does not shorten them.
@@ -239,6 +244,7 @@ impl OpenWindow {
             start_jumps: Vec::new(),
             first: None,
             histories: vec![SolveHistory::default(); count],
+            climb: start.climb.clone(),
             courant,
             speed,
             jumps: None,
@@ -268,6 +274,7 @@ impl OpenWindow {
             Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
         if count > 1 && self.first.is_some() {
             let _part = timing::part("momentum");
+            self.set_far_field(flow, 0);
             flow.return_to_prediction();
             flow.start_from(self.start_jumps.clone());
         }
@@ -311,10 +318,19 @@ impl OpenWindow {
         solution
     }
 
+    /// The far field of one step.
+    fn set_far_field(&self, flow: &mut Flow, step: usize) {
+        let dt = self.dt / self.cuts.len() as f64;
+        if let Some(climb) = &self.climb {
+            climb.set_far_field(flow, [step, step + 1].map(|k| dt * k as f64));
+        }
+    }
+
     /// Convection, viscosity and friction of one step.
     fn predict(&mut self, flow: &mut Flow, step: usize, faces: usize) {
         let _part = timing::part("momentum");
         let dt = self.dt / self.cuts.len() as f64;
+        self.set_far_field(flow, step);
         self.predictions[step].predict(flow, dt, self.velocity, &self.face_of, faces);
         if step == 0 {
             self.first = Some(flow.predicted_fluxes(&self.cuts[0].faces.rows));

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{Flow, StageKind, Turbulence, WallTreatment};
+use super::{Flow, Role, StageKind, Turbulence, WallTreatment};
 use crate::Scene;
 use crate::check::Check;
 
@@ -61,12 +61,12 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
     const REMEDY: &str = "remove it, or [flow.immersed]";
     turbulence(flow, c);
+    shear(scene, flow, c);
     let refused = [
         (flow.grid_file.is_some(), "flow.grid_file", "an immersed canopy has no fitted grid"),
         (flow.box_grid.is_some(), "flow.box", "an immersed canopy has no fitted grid"),
         (flow.energy.is_some(), "flow.energy", "the immersed flow is incompressible"),
         (flow.limiter.is_some(), "flow.limiter", "the immersed flow has no gradients to limit"),
-        (flow.shear.is_some(), "flow.shear", "the immersed flow has the same wind at all heights"),
         (flow.body_force() > 0.0, "flow.body_force_n_m3", "the immersed flow has no force on the air"),
         (!flow.probes.is_empty(), "flow.probe", "the immersed flow has no probes"),
         (
@@ -99,6 +99,28 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
         if !stage.body_motions.is_empty() {
             c.refuse(&format!("stage[{k}].body_motion"), "the immersed flow has no bodies", REMEDY);
         }
+    }
+}
+
+/// Refuses a wind by height that an incompressible flow cannot have, or that another method does not hand over.
+fn shear(scene: &Scene, flow: &Flow, c: &mut Check) {
+    let Some(s) = &flow.shear else { return };
+    let vertical = |wind: &[f64; 3]| wind[2] != s.table_m_s.first().map_or(0.0, |first| first[2]);
+    if s.table_m_s.iter().any(vertical) || flow.wind_m_s[2] != 0.0 {
+        c.refuse(
+            "flow.shear",
+            "the vertical wind changes with height, but the immersed flow is incompressible",
+            "give all heights the same vertical wind in a table, or remove it; a vertical wind in time is a gust",
+        );
+    }
+    let flows = || scene.stages.iter().enumerate().filter(|(_, s)| s.kind.roles().contains(&Role::Flow));
+    let fitted = flows().find(|(_, stage)| !scene.is_immersed(stage));
+    if let Some((k, _)) = fitted.filter(|_| flows().any(|(_, stage)| scene.is_immersed(stage))) {
+        c.refuse(
+            &format!("stage[{k}].flow_method"),
+            "a flow is not handed over between a fitted and an immersed grid in a wind that changes with height",
+            "use one method in all stages, or remove [flow.shear]",
+        );
     }
 }
 

@@ -13,6 +13,7 @@ mod canopy_risers;
 mod coupling;
 mod cross;
 mod descent;
+mod dryden;
 mod fabric;
 mod flow;
 mod flow_grid;
@@ -29,6 +30,7 @@ mod output;
 mod pattern;
 mod perturbation;
 mod programs;
+mod random;
 mod reefing;
 mod resolved;
 mod schema;
@@ -62,6 +64,7 @@ pub use coupling::{
 pub use cross::CrossCanopy;
 pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, FrameMotion, PayloadBody, PayloadDrag};
+pub(crate) use dryden::DrydenTurbulence;
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
 pub use flow::{
     Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,
@@ -69,7 +72,7 @@ pub use flow::{
 };
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile, OneSided};
 pub use gored::{GoreProfile, GoreSection, GoredCanopy};
-pub use gust::{Gust, GustShape};
+pub use gust::{Gust, GustAxis, GustShape};
 pub use immersed::Immersed;
 pub use layout::*;
 pub use lines::{LineDrag, Lines, MOST_HYSTERESIS};

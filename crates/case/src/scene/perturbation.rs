@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::random::SplitMix;
 use super::{BoxSides, Condition};
 use crate::check::Check;
 use crate::{Canopy, Gust, Role, Scene, Stage};
@@ -56,19 +57,11 @@ const WINDOWS: f64 = 4.0;
 /// Cosine of direction and normal of a wall below which the pulse is along the wall.
 const ALONG: f64 = 1e-6;
 
-/// SplitMix64: Steele, Lea and Flood, OOPSLA 2014, for one step from `seed`.
-fn split_mix(seed: u32) -> u64 {
-    let mut z = u64::from(seed).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^ (z >> 31)
-}
-
 impl Perturbation {
     /// Azimuth of the pulse, degrees: the given one, or that of the seed.
     pub fn azimuth_deg(&self) -> f64 {
         self.azimuth_deg.unwrap_or_else(|| {
-            let hash = split_mix(self.seed.unwrap_or(SEED));
+            let hash = SplitMix::new(self.seed.unwrap_or(SEED)).bits();
             let sector = (hash >> 61) as f64;
             let share = ((hash << 3) >> 11) as f64 / (1u64 << 53) as f64;
             SECTOR_DEG * (sector + 0.25 + 0.5 * share)
@@ -244,13 +237,6 @@ fn symmetry(scene: &Scene, pulse: &Gust, at: &dyn Fn(&str) -> String, c: &mut Ch
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Published first outputs of SplitMix64 (Vigna's reference code, seeds 0 and 1).
-    #[test]
-    fn hash_is_split_mix() {
-        assert_eq!(split_mix(0), 0xe220_a839_7b1d_cdaf);
-        assert_eq!(split_mix(1), 0x910a_2dec_8902_5cc1);
-    }
 
     #[test]
     fn directions_of_seeds_differ_and_avoid_mirror_planes() {

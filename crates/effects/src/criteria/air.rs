@@ -135,6 +135,9 @@ pub fn gust(s: &Scope<'_>) -> Assessment {
     let without = Wind::of(&calm, s.stage);
     let share = percent(g.largest_speed() / s.n.speed);
     let why = match (g.shape, g.duration_s, g.shortest_period()) {
+        (case::GustShape::Dryden, ..) => {
+            format!("turbulence of up to {share} of the stream (four times its root mean square)")
+        }
         (_, _, Some(period)) => format!("{share} of the stream with a period of {period} s"),
         (_, Some(time), None) => format!("{share} of the stream over {time} s"),
         (_, None, None) => format!("{share} of the stream by a table of {} times", g.time_s.len()),
