@@ -19,6 +19,7 @@ use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
 use super::force_along::MeanForceAlong;
+use super::forces::{CanopyForces, LoadedFace};
 use super::moving_grid::MovingGrid;
 use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
@@ -67,8 +68,11 @@ pub struct ImmersedParticipant {
     last_friction: Vector3<f64>,
     vertices: Vec<Vector3<f64>>,
     open: Option<OpenWindow>,
-    /// Input of the last solution: positions, and the velocity of the frame.
-    trial: Option<(Vec<Vector3<f64>>, Vector3<f64>)>,
+    /// Input of the last solution: positions, and the velocity of the frame; the forces on the faces.
+    trial: Option<(Vec<Vector3<f64>>, Vector3<f64>, Vec<LoadedFace>)>,
+    /// `forces.csv`, where the scene asks for it, and the ranks that write it.
+    forces: Option<CanopyForces>,
+    ranks: Rc<FlowRanks>,
     failure: Option<Fault>,
     snapshots: Snapshots,
     time: f64,
@@ -222,6 +226,8 @@ impl ImmersedParticipant {
             vertices: Vec::new(),
             open: None,
             trial: None,
+            forces: CanopyForces::new(scene, &case::stage_folder(out, scene, stage))?,
+            ranks,
             failure: None,
             snapshots: Snapshots::default(),
             time: 0.0,
@@ -519,7 +525,11 @@ impl Participant for ImmersedParticipant {
             values[flow_stats::NO_ANSWER] = 1.0;
             (values[flow_stats::RESIDUAL_START], values[flow_stats::RESIDUAL_END]) = (1.0, -1.0);
         } else {
-            self.trial = Some((positions, end));
+            let faces = match &self.forces {
+                Some(_) => self.surface.loaded_faces(&open.nodes, &solution.forces),
+                None => Vec::new(),
+            };
+            self.trial = Some((positions, end, faces));
             self.open = Some(open);
         }
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
@@ -528,7 +538,7 @@ impl Participant for ImmersedParticipant {
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         let _part = timing::part("accept");
         let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
-        let (Some(open), Some((positions, end))) = (self.open.take(), self.trial.take()) else {
+        let (Some(open), Some((positions, end, faces))) = (self.open.take(), self.trial.take()) else {
             return Err(self.failure.take().unwrap_or_else(none));
         };
         if open.index != w.index {
@@ -549,6 +559,10 @@ impl Participant for ImmersedParticipant {
         self.update_force_along(dt, velocity);
         self.handed_over = None;
         self.time = w.time + w.dt;
+        if let Some(forces) = &mut self.forces {
+            let speed = (Vector3::from(self.wind.at(self.time)) - end).norm();
+            forces.record(&self.ranks.0, self.time, speed, &faces)?;
+        }
         Ok(())
     }
 
