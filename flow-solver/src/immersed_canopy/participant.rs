@@ -68,8 +68,10 @@ pub struct ImmersedParticipant {
     last_friction: Vector3<f64>,
     vertices: Vec<Vector3<f64>>,
     open: Option<OpenWindow>,
-    /// Input of the last solution: positions, and the velocity of the frame; the forces on the faces.
-    trial: Option<(Vec<Vector3<f64>>, Vector3<f64>, Vec<LoadedFace>)>,
+    /// Input of the last solution: positions, and the velocity of the frame.
+    trial: Option<(Vec<Vector3<f64>>, Vector3<f64>)>,
+    /// Its forces on the faces, where there is a table of them.
+    loaded: Vec<LoadedFace>,
     /// `forces.csv`, where the scene asks for it, and the ranks that write it.
     forces: Option<CanopyForces>,
     ranks: Rc<FlowRanks>,
@@ -226,6 +228,7 @@ impl ImmersedParticipant {
             vertices: Vec::new(),
             open: None,
             trial: None,
+            loaded: Vec::new(),
             forces: CanopyForces::new(scene, &case::stage_folder(out, scene, stage))?,
             ranks,
             failure: None,
@@ -525,11 +528,10 @@ impl Participant for ImmersedParticipant {
             values[flow_stats::NO_ANSWER] = 1.0;
             (values[flow_stats::RESIDUAL_START], values[flow_stats::RESIDUAL_END]) = (1.0, -1.0);
         } else {
-            let faces = match &self.forces {
-                Some(_) => self.surface.loaded_faces(&open.nodes, &solution.forces),
-                None => Vec::new(),
-            };
-            self.trial = Some((positions, end, faces));
+            if self.forces.is_some() {
+                self.loaded = self.surface.loaded_faces(&open.nodes, &solution.forces);
+            }
+            self.trial = Some((positions, end));
             self.open = Some(open);
         }
         Ok(Stats { busy_s: clock.elapsed().as_secs_f64(), values })
@@ -538,7 +540,7 @@ impl Participant for ImmersedParticipant {
     fn accept(&mut self, w: &Window) -> Result<(), Fault> {
         let _part = timing::part("accept");
         let none = || Fault::new(format!("window {} was accepted before it was solved", w.index));
-        let (Some(open), Some((positions, end, faces))) = (self.open.take(), self.trial.take()) else {
+        let (Some(open), Some((positions, end))) = (self.open.take(), self.trial.take()) else {
             return Err(self.failure.take().unwrap_or_else(none));
         };
         if open.index != w.index {
@@ -561,7 +563,7 @@ impl Participant for ImmersedParticipant {
         self.time = w.time + w.dt;
         if let Some(forces) = &mut self.forces {
             let speed = (Vector3::from(self.wind.at(self.time)) - end).norm();
-            forces.record(&self.ranks.0, self.time, speed, &faces)?;
+            forces.record(&self.ranks.0, self.time, speed, &self.loaded)?;
         }
         Ok(())
     }
