@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use case::Scene;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
+use results::forced_oscillation::ForcedOscillation;
 use results::history;
 use results::opening::{Opening, OpeningReference};
 use results::settled::SettledMean;
@@ -33,6 +35,8 @@ struct StageStatistics {
     wake: Option<Wake>,
     /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage, and for a file.
     opening: Option<Opening>,
+    /// Stability derivatives of a body whose rotation oscillates; `None` in any other stage, and for a file.
+    forced_oscillation: Option<ForcedOscillation>,
     /// Why the means are not those of a developed wake.
     warning: Option<String>,
 }
@@ -42,10 +46,11 @@ struct StageStatistics {
 /// # Errors
 /// [`RunError::Input`]: the path has no history with a flow.
 pub fn statistics(args: &StatisticsArgs) -> Result<String, RunError> {
-    let reference = reference(&args.path);
+    let scene = args.path.is_dir().then(|| crate::diff_command::scene_of(&args.path).ok()).flatten();
+    let reference = scene.as_ref().and_then(reference);
     let stages: Vec<StageStatistics> = histories(&args.path)?
         .into_iter()
-        .map(|(name, file)| of(name, &file, reference.as_ref()))
+        .map(|(name, file)| of(name, &file, reference.as_ref(), scene.as_ref()))
         .collect::<Result<Vec<Option<StageStatistics>>, RunError>>()?
         .into_iter()
         .flatten()
@@ -76,10 +81,9 @@ fn histories(path: &Path) -> Result<Vec<(String, PathBuf)>, RunError> {
     Ok(names.filter(|(_, file)| file.is_file()).collect())
 }
 
-/// Air and canopy of the run in a results folder.
-fn reference(path: &Path) -> Option<OpeningReference> {
-    let scene = path.is_dir().then(|| crate::diff_command::scene_of(path).ok())??;
-    OpeningReference::of(&scene, &CanopyInterface::new(&scene).ok()?)
+/// Air and canopy of a run.
+fn reference(scene: &Scene) -> Option<OpeningReference> {
+    OpeningReference::of(scene, &CanopyInterface::new(scene).ok()?)
 }
 
 /// Of a history; `None` for a stage without a flow or a completed window.
@@ -87,6 +91,7 @@ fn of(
     stage: String,
     file: &Path,
     reference: Option<&OpeningReference>,
+    scene: Option<&Scene>,
 ) -> Result<Option<StageStatistics>, RunError> {
     let (columns, _) = history::read_complete_rows(file)?;
     let windows = columns.iter().find(|(name, _)| name == "drag_n").map_or(0, |(_, values)| values.len());
@@ -99,7 +104,11 @@ fn of(
     let verdict = wake.as_ref().filter(|_| !settled.is_empty()).and_then(Wake::verdict);
     let warning = verdict.map(|verdict| verdict.warning(&stage));
     let opening = reference.and_then(|r| Opening::of_history(&columns, r));
-    Ok(Some(StageStatistics { stage, windows, settled, wake, opening, warning }))
+    let forced_oscillation = scene.zip(file.parent()).and_then(|(scene, folder)| {
+        let index = scene.stages.iter().position(|s| s.name == stage)?;
+        ForcedOscillation::of(scene, index, folder)
+    });
+    Ok(Some(StageStatistics { stage, windows, settled, wake, opening, forced_oscillation, warning }))
 }
 
 fn text(stage: &StageStatistics) -> String {
@@ -108,6 +117,8 @@ fn text(stage: &StageStatistics) -> String {
     lines.extend(stage.settled.iter().map(|mean| format!("  {}", mean.line())));
     lines.extend(stage.wake.iter().map(|wake| format!("  {}", wake.line())));
     lines.extend(stage.opening.iter().map(|opening| format!("  {}", opening.line())));
+    let oscillation = stage.forced_oscillation.iter().flat_map(ForcedOscillation::lines);
+    lines.extend(oscillation.map(|line| format!("  {line}")));
     lines.extend(stage.warning.iter().map(|warning| format!("  warning: {warning}")));
     if let Some(mean) = stage.settled.first() {
         lines.push(format!("  method: {}", mean.method));

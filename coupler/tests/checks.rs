@@ -47,6 +47,8 @@ const CASES: &[(&str, &[&str])] = &[
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
     ("validation/flexible-cavity/scene.toml", &[]),
     ("validation/inverted-flag/scene.toml", &[]),
+    ("validation/rigid-cup/oscillation.toml", &["flow.cells-across"]),
+    ("validation/rigid-cup/scene.toml", &["flow.cells-across"]),
     ("validation/ring-in-fluid/scene.toml", &["stages.force"]),
     ("validation/tube-pulse/scene.toml", &[]),
 ];

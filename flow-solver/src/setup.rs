@@ -134,7 +134,8 @@ fn speed_scale(scene: &Scene, stage: usize, structure: &StructureMesh, wind: &Wi
         }
         _ => 0.0,
     };
-    let later = moved.fold(blown.max(loaded), f64::max);
+    let turned = mesh::canopy_speed(scene, plan, &structure.coords[..structure.n_canopy]);
+    let later = moved.fold(blown.max(loaded).max(turned), f64::max);
     speed.max(LATER * later)
 }
 

@@ -1,6 +1,7 @@
 //! Forces and moments of the air on chosen surfaces: the canopy and patches of the outer boundary.
 
 use case::ForceCoefficients;
+use channel::Fault;
 
 use crate::geometry::vec3::Vec3;
 use crate::gradient::Field;
@@ -180,6 +181,22 @@ pub struct Coefficients {
     pub point: Vec3,
     /// Reference length of the moments, m.
     pub length: f64,
+}
+
+/// Axes and scales of `entry`, which is one of `forces`.
+///
+/// # Errors
+/// Its drag and lift are parallel.
+pub(crate) fn entry_coefficients(
+    entry: &ForceCoefficients,
+    forces: &case::Forces,
+) -> Result<Coefficients, Fault> {
+    Coefficients::new(entry, forces).ok_or_else(|| {
+        Fault::new(format!(
+            "drag and lift of \"{}\" in [[flow.forces.coefficients]] are parallel",
+            entry.name
+        ))
+    })
 }
 
 impl Coefficients {

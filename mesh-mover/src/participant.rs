@@ -561,7 +561,7 @@ pub fn regridder(scene: &Scene, structure: &StructureMesh, grid: &FlowGrid) -> O
     let when = scene.mesh.regrid;
     let automatic = || {
         let file = scene.flow.as_ref().is_some_and(|f| f.grid_file.is_some());
-        !file && scene.stages.iter().all(|s| s.body_motions.is_empty())
+        !file && !scene.stages.iter().flat_map(|s| &s.body_motions).any(|m| scene.moves_patches(m))
     };
     if !when.quality_threshold.map_or_else(automatic, |t| t > 0.0) {
         return None;

@@ -27,7 +27,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 33] = [
+const EFFECTS: [&str; 34] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,

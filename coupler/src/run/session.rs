@@ -209,7 +209,7 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if matches!(scene.canopy, case::Canopy::Pattern(_)) {
         all.push((Role::Structure, channel::FLAT_SHAPES.to_owned()));
     }
-    if scene.stages.iter().any(|s| !s.body_motions.is_empty()) {
+    if scene.stages.iter().flat_map(|s| &s.body_motions).any(|m| scene.moves_patches(m)) {
         all.push((Role::Mesh, channel::BODY_MOTION.to_owned()));
     }
     all

@@ -1,6 +1,6 @@
 //! Prescribed stage: mesh and flow around a canopy with the motion of the scene, without a structure solver.
 
-use case::Role;
+use case::{RigidMotion, Role};
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
 
@@ -11,6 +11,36 @@ pub(super) struct Prescribed {
     motions: Vec<Motion>,
     /// Displacement at the start of the stage.
     start: Vec<f64>,
+    rigid: Option<RigidCanopy>,
+}
+
+/// A canopy that moves as a rigid body.
+struct RigidCanopy {
+    motion: RigidMotion,
+    /// Positions at the start of the stage, m.
+    start: Vec<[f64; 3]>,
+}
+
+impl RigidCanopy {
+    /// That of the stage, if its canopy is one; `displacement` at its start.
+    fn of(context: &StageContext<'_>, displacement: &[f64]) -> Result<Option<Self>, RunError> {
+        let mut motions = context.description().body_motions.iter();
+        let Some(motion) = motions.find(|m| context.scene.moves_canopy(m)) else { return Ok(None) };
+        let motion = motion.compiled().map_err(|e| RunError::Input(e.to_string()))?;
+        let moved = context.interface.coords.iter().zip(displacement.as_chunks::<3>().0);
+        let start = moved.map(|(x, d)| [0, 1, 2].map(|i| x[i] + d[i])).collect();
+        Ok(Some(Self { motion, start }))
+    }
+
+    /// Adds its motion until `t` (s) to the displacement at the start of the stage.
+    fn add(&self, t: f64, start: &[f64], displacement: &mut [f64]) {
+        let pose = self.motion.at(t);
+        let nodes = displacement.as_chunks_mut::<3>().0.iter_mut().zip(start.as_chunks::<3>().0);
+        for ((d, d0), x) in nodes.zip(&self.start) {
+            let moved = pose.apply(*x);
+            *d = [0, 1, 2].map(|i| d0[i] + (moved[i] - x[i]));
+        }
+    }
 }
 
 /// A displacement table over the time of the stage for degrees of freedom of the canopy.
@@ -39,7 +69,8 @@ impl Prescribed {
                 .collect();
             motions.push(Motion { dofs, table: m.in_stage(context.scene, context.stage, &times) });
         }
-        Ok(Self { motions, start: state.displacement.clone() })
+        let rigid = RigidCanopy::of(context, &state.displacement)?;
+        Ok(Self { motions, start: state.displacement.clone(), rigid })
     }
 }
 
@@ -52,6 +83,9 @@ impl WindowSolver for Prescribed {
             for &i in &m.dofs {
                 displacement[i] = self.start[i] + d[i % 3];
             }
+        }
+        if let Some(rigid) = &self.rigid {
+            rigid.add(w.time + w.dt, &self.start, displacement);
         }
         solve.report.add(Role::Mesh, solve.partners.mesh(w, displacement)?);
         solve.flow()

@@ -59,6 +59,10 @@ impl<'c> StageRun<'c, '_> {
             drag_n: report.force[2],
             side_n: [report.force[0], report.force[1]],
             pendulum_deg: context.interface.pendulum_angle(&state.displacement).map(f64::to_degrees),
+            pendulum_xy_deg: context
+                .interface
+                .pendulum_components(&state.displacement)
+                .map(|xy| xy.map(f64::to_degrees)),
             diameters: before + passed,
             speed_m_s: speed,
         })

@@ -6,8 +6,10 @@ use case::StageKind;
 use results::columns::{self, Column};
 use results::files::{self, ResultFile};
 use results::finding::{Finding, Severity};
+use results::forced_oscillation::{Derivatives, ForcedOscillation};
 use results::history;
 use results::opening::{Opening, OpeningReference};
+use results::pendulum::PendulumSwing;
 use results::recording::compare::FIELDS;
 use results::settled::SettledMean;
 use results::strength::SafetyFactor;
@@ -34,6 +36,9 @@ const STRUCTS: &[(&str, &str)] = &[
     ("RunSummary", "crates/results/src/summary.rs"),
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Wake", "crates/results/src/wake.rs"),
+    ("PendulumSwing", "crates/results/src/pendulum.rs"),
+    ("ForcedOscillation", "crates/results/src/forced_oscillation.rs"),
+    ("Derivatives", "crates/results/src/forced_oscillation.rs"),
     ("Opening", "crates/results/src/opening.rs"),
     ("SettledMean", "crates/results/src/settled.rs"),
     ("SafetyFactor", "crates/results/src/strength.rs"),
@@ -189,6 +194,40 @@ fn page_of_results_is_generated_from_the_code() {
     compare_or_write("results.md", &page());
 }
 
+fn swing() -> PendulumSwing {
+    PendulumSwing {
+        mean_tilt_deg: [0.0; 2],
+        principal_rms_deg: [1.0; 2],
+        azimuth_deg: 0.0,
+        axis_ratio: 1.0,
+        turn_rate_deg_s: 0.0,
+        growth: 1.0,
+        period_s: None,
+    }
+}
+
+fn oscillation() -> ForcedOscillation {
+    ForcedOscillation {
+        entry: "cup".into(),
+        mean_angle_deg: 0.0,
+        amplitude_deg: 1.0,
+        period_s: 1.0,
+        periods: 1,
+        speed_m_s: 1.0,
+        reduced_frequency: 1.0,
+        derivatives: vec![Derivatives {
+            coefficient: "moment".into(),
+            mean: 0.0,
+            static_per_rad: 1.0,
+            static_interval_95: None,
+            damping_per_rad: 1.0,
+            damping_interval_95: None,
+            explained: 1.0,
+        }],
+        method: String::new(),
+    }
+}
+
 /// A summary in which every list has an entry.
 fn summary() -> RunSummary {
     let scene = case::load(&root().join("cases/square-drop/scene.toml")).expect("a scene");
@@ -196,7 +235,8 @@ fn summary() -> RunSummary {
     stage.wake_samples.push(Sample { time_s: 1.0, drag_n: 1.0, diameters: 1.0, ..Sample::default() });
     let time: Vec<f64> = (1..100).map(f64::from).collect();
     let drag = time.iter().map(|t| t.sin()).collect();
-    stage.wake = Wake::of(&stage.wake_samples);
+    stage.wake = Wake::of(&stage.wake_samples).map(|w| Wake { pendulum_swing: Some(swing()), ..w });
+    stage.forced_oscillation = Some(oscillation());
     let (area, force) = ("projected_area_m2".into(), "riser_force_n".into());
     let opens: Vec<(String, Vec<f64>)> = vec![
         ("time_s".into(), vec![1.0, 2.0, 3.0]),

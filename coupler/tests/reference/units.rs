@@ -2,6 +2,8 @@
 
 /// Ends of names and their units, longer ends before the shorter ones that they contain.
 const UNITS: &[(&str, &str)] = &[
+    ("_deg_s", "°/s"),
+    ("_per_rad", "1/rad"),
     ("_pa_s2_m2", "Pa s²/m²"),
     ("strength_n_m", "N/m"),
     ("force_n_m", "N/m"),

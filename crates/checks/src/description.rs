@@ -86,7 +86,9 @@ fn what(scene: &Scene, stage: &Stage) -> String {
         ),
         StageKind::FlowOnly if !scene.has_canopy() => "flow alone around rigid bodies at rest".into(),
         StageKind::FlowOnly => "flow alone around the canopy at rest".into(),
-        StageKind::Prescribed if stage.motions.is_empty() => {
+        StageKind::Prescribed
+            if stage.motions.is_empty() && !stage.body_motions.iter().any(|m| scene.moves_canopy(m)) =>
+        {
             "mesh and flow around rigid bodies with prescribed motion".into()
         }
         StageKind::Prescribed if scene.is_immersed(stage) => {

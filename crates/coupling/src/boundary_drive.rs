@@ -23,7 +23,7 @@ impl BoundaryDrive {
     /// Of a scene that has such data; its grid is built to know the area of the patches. Where no grid can be built, the
     /// flow itself reports why; until then the speed of sound stands for the speed.
     pub fn new(scene: &Scene) -> Option<Self> {
-        let bodies = scene.stages.iter().any(|s| !s.body_motions.is_empty());
+        let bodies = scene.stages.iter().flat_map(|s| &s.body_motions).any(|m| scene.moves_patches(m));
         let flow = scene.flow.as_ref().filter(|f| bodies || f.is_driven())?;
         let grid = mesh::structure_mesh(scene)
             .and_then(|s| mesh::flow_grid(scene, &s, &s.coords[..s.n_canopy]))

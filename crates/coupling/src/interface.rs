@@ -184,6 +184,19 @@ impl CanopyInterface {
     /// Angle (rad) between the vertical and the line from the payload to the centroid, by area, of the shape with `displacement`
     /// (`[nodes][3]`, m). `None` without a payload at rest in the frame.
     pub fn pendulum_angle(&self, displacement: &[f64]) -> Option<f64> {
+        self.pendulum_axis(displacement).map(|axis| axis[0].hypot(axis[1]).atan2(axis[2]))
+    }
+
+    /// Components of that angle along x and y (rad): a vector as long as the angle, along the horizontal part of the line from the payload
+    /// to the centroid.
+    pub fn pendulum_components(&self, displacement: &[f64]) -> Option<[f64; 2]> {
+        let [x, y, z]: [f64; 3] = self.pendulum_axis(displacement)?.into();
+        let across = x.hypot(y);
+        Some(if across > 0.0 { [x, y].map(|c| c / across * across.atan2(z)) } else { [0.0; 2] })
+    }
+
+    /// From the payload to the centroid of the shape, m.
+    fn pendulum_axis(&self, displacement: &[f64]) -> Option<Vec3> {
         let payload = Vec3::from(self.payload?);
         let (mut sum, mut area) = (Vec3::zeros(), 0.0);
         for face in &self.faces {
@@ -192,8 +205,7 @@ impl CanopyInterface {
             sum += size * centre(&corners);
             area += size;
         }
-        let axis = sum / area - payload;
-        (area > 0.0).then(|| axis[0].hypot(axis[1]).atan2(axis[2]))
+        (area > 0.0).then(|| sum / area - payload)
     }
 
     /// Corners of a face of the canopy with `displacement` (`[nodes][3]`), m.
@@ -291,6 +303,14 @@ mod tests {
         (0..4).for_each(|n| aside[3 * n] = 1.0);
         let angle = square().pendulum_angle(&aside).expect("a payload");
         assert!((angle - 0.5f64.atan()).abs() < 1e-14, "{angle}");
+        let mut diagonal = still;
+        (0..4).for_each(|n| (diagonal[3 * n], diagonal[3 * n + 1]) = (0.6, -0.8));
+        let [x, y] = square().pendulum_components(&diagonal).expect("a payload");
+        assert!(
+            (x - 0.6 * 0.5f64.atan()).abs() < 1e-14 && (y + 0.8 * 0.5f64.atan()).abs() < 1e-14,
+            "{x} {y}"
+        );
+        assert_eq!(square().pendulum_components(&still), Some([0.0; 2]));
         let (sin, cos) = (std::f64::consts::PI / 6.0).sin_cos();
         let mut tilted = still;
         for n in [1, 2] {

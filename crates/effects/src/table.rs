@@ -772,7 +772,7 @@ pub const TABLE: &[Entry] = &[
         key: "stage.prescribed",
         what: "canopy that moves as prescribed in the flow",
         model: "a stage of kind `prescribed`: mesh-mover and flow-solver alone, no structure is started",
-        equation: "x(t) = x_0 + d(t), d from [[stage.motion]]",
+        equation: "x(t) = x_0 + d(t), d from [[stage.motion]]; x(t) = R(t) x_0 + d(t) of [[stage.body_motion]]",
         reference: "-",
         programs: &["mesh-mover", "flow-solver", "coupler"],
         announced_by: None,

@@ -1,6 +1,6 @@
 //! Rigid bodies that a stage moves: the patches of a grid that are their surfaces.
 
-use case::{Pose, Stage};
+use case::{Pose, Scene, Stage};
 
 use crate::geometry::{Vec3, at};
 use crate::{FlowGrid, Patch};
@@ -17,6 +17,49 @@ pub fn body_speed(stage: &Stage, grid: &FlowGrid) -> f64 {
         fastest = fastest.max(rigid.largest_speed(reach, stage.windows(), stage.window_s));
     }
     fastest
+}
+
+/// Largest speed of the canopy that `stage` moves as a rigid body, m/s, with its nodes at `nodes`; 0 where it moves none.
+pub fn canopy_speed(scene: &Scene, stage: &Stage, nodes: &[[f64; 3]]) -> f64 {
+    let of_canopy = stage.body_motions.iter().filter(|m| scene.moves_canopy(m));
+    let speed = |rigid: case::RigidMotion| {
+        let reach = nodes.iter().map(|x| rigid.reach(*x)).fold(0.0, f64::max);
+        rigid.largest_speed(reach, stage.windows(), stage.window_s)
+    };
+    of_canopy.filter_map(|m| m.compiled().ok()).map(speed).fold(0.0, f64::max)
+}
+
+/// Room of a canopy that a stage moves as a rigid body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CanopyRoom {
+    /// Largest displacement of a node at the end of a window, m.
+    pub displacement: f64,
+    /// Largest displacement of the axis of the rotation, m.
+    pub translation: f64,
+    /// Largest angle, rad.
+    pub angle: f64,
+}
+
+/// The motion of the canopy, with its nodes at `nodes` (m), in `stage`; `None` where the stage does not move it as a rigid body.
+pub fn canopy_room(scene: &Scene, stage: &Stage, nodes: &[[f64; 3]]) -> Option<CanopyRoom> {
+    let motion = stage.body_motions.iter().find(|m| scene.moves_canopy(m))?.compiled().ok()?;
+    let poses = extreme_poses(&motion, stage);
+    let largest = |of: &dyn Fn(&Pose) -> f64| poses.iter().map(of).fold(0.0, f64::max);
+    let way = |p: &Pose, x: &[f64; 3]| (Vec3::from(p.apply(*x)) - Vec3::from(*x)).norm();
+    Some(CanopyRoom {
+        displacement: largest(&|p| nodes.iter().map(|x| way(p, x)).fold(0.0, f64::max)),
+        translation: largest(&|p| Vec3::from(p.displacement).norm()),
+        angle: largest(&|p| p.angle.abs()),
+    })
+}
+
+/// Smallest distance of a node of the canopy from the outer boundary of its grid, m; infinite without one.
+pub fn canopy_gap(grid: &FlowGrid) -> f64 {
+    let mut nodes: Vec<u32> = (0..grid.boundary.len()).flat_map(|k| grid.boundary[k].1).collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let others: Vec<Vec3> = nodes.iter().map(|&n| at(&grid.coords, n)).collect();
+    gap(grid, &grid.canopy_nodes, &others)
 }
 
 fn is_solid(patch: Patch) -> bool {
@@ -42,6 +85,9 @@ const EXTREMES: usize = 8;
 /// The room of the bodies that `stage` moves; `sliding`: boundary nodes slide within planes. `None` where it moves none.
 pub fn clearance(stage: &Stage, grid: &FlowGrid, sliding: bool) -> Option<Clearance> {
     let mut moved = vec![false; grid.coords.len()];
+    if !stage.body_motions.iter().any(|m| grid.faces_of(&m.patches).next().is_some()) {
+        return None;
+    }
     let named = stage.body_motions.iter().flat_map(|m| grid.faces_of(&m.patches));
     let mut face_moves = vec![false; grid.boundary.len()];
     for k in named {
@@ -81,7 +127,7 @@ pub fn clearance(stage: &Stage, grid: &FlowGrid, sliding: bool) -> Option<Cleara
         found.gap =
             found.gap.min(gap(grid, &nodes, &fixed_nodes(grid, &face_moves, &moved, &shared, sliding)));
     }
-    found.displacement.is_finite().then_some(found).filter(|_| !stage.body_motions.is_empty())
+    found.displacement.is_finite().then_some(found)
 }
 
 /// Boundary nodes that do not move. With `sliding` those of patches that touch a body slide out of its way.

@@ -19,7 +19,7 @@ mod structure;
 mod types;
 pub mod vtk;
 
-pub use bodies::{Clearance, body_speed, clearance};
+pub use bodies::{CanopyRoom, Clearance, body_speed, canopy_gap, canopy_room, canopy_speed, clearance};
 pub use boxes::*;
 pub use error::*;
 pub use faces::*;

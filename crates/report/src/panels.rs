@@ -53,7 +53,11 @@ pub(super) const MOTION: &[Panel] = &[
         "Pendulum angle",
         "deg",
         "Angle between the vertical and the line from the payload to the centroid of the canopy.",
-        &[("pendulum_angle_deg", "pendulum angle")],
+        &[
+            ("pendulum_angle_deg", "pendulum angle"),
+            ("pendulum_x_deg", "along x"),
+            ("pendulum_y_deg", "along y"),
+        ],
     ),
     panel(
         "Projected area",

@@ -2,7 +2,9 @@
 
 use case::WatchedForce;
 use figures::plot;
+use results::forced_oscillation::{Derivatives, ForcedOscillation};
 use results::long_term::METHOD;
+use results::pendulum::PendulumSwing;
 use results::settled::QUANTITIES;
 
 use super::bars::Bars;
@@ -60,9 +62,11 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
              least a quarter of the variance.")));
         blocks.push(Block::Table(table));
     }
-    for (text, table) in
-        [(opening_loads::OPENING, opening_loads::table(run, stage)), (WAKE, wake_table(stage))]
-    {
+    for (text, table) in [
+        (opening_loads::OPENING, opening_loads::table(run, stage)),
+        (WAKE, wake_table(stage)),
+        (OSCILLATION, oscillation_table(run, stage)),
+    ] {
         blocks.extend(table.into_iter().flat_map(|table| [Block::Text(text.into()), Block::Table(table)]));
     }
     if let Some(bars) = frames.and_then(|f| line_bars(f, &id)) {
@@ -289,9 +293,67 @@ fn wake_table(stage: &StageData) -> Option<Table> {
         ("its share of the variance".into(), given(wake.strouhal_share, |s| format!("{:.0} %", 100.0 * s))),
         (format!("periods {counted}"), digits(wake.periods)),
     ];
+    rows.extend(wake.pendulum_swing.iter().flat_map(swing_rows));
     rows.extend(wake.verdict().map(|v| (format!("warning {}", v.check), v.figure)));
     let rows = rows.into_iter().map(|(name, value)| vec![name, value]).collect();
     Some(Table { caption: "Wake of the canopy; units in the first column.".into(), head: Vec::new(), rows })
+}
+
+const OSCILLATION: &str = "Stability derivatives. Each coefficient is fitted by least squares to C0 + C_a (a - mean) + C_q (da/dt) l/(2V) in each whole period \
+    but the first; the intervals are those of the scatter between periods. Normal and axial force are in axes that turn with the body, the moment is about the axis of \
+    the rotation. The damping derivative is the sum of those by rate of rotation and by rate of the angle of attack.";
+
+/// Stability derivatives of a stage whose body oscillates.
+fn oscillation_table(run: &Run, stage: &StageData) -> Option<Table> {
+    let folder = case::stage_folder(&run.folder, run.scene(), stage.index);
+    let found = ForcedOscillation::of(run.scene(), stage.index, &folder)?;
+    let value = |v: f64, interval: Option<f64>| match interval {
+        Some(i) => format!("{} ± {}", digits(v), digits(i)),
+        None => format!("({})", digits(v)),
+    };
+    let row = |d: &Derivatives| {
+        vec![
+            d.coefficient.clone(),
+            digits(d.mean),
+            value(d.static_per_rad, d.static_interval_95),
+            value(d.damping_per_rad, d.damping_interval_95),
+            format!("{:.0} %", 100.0 * d.explained),
+        ]
+    };
+    let caption = format!(
+        "Stability derivatives of \"{}\" by forced oscillation: {} ± {} deg in {} s, reduced frequency {}, {} whole periods. Intervals of 95 %; in brackets: fewer than three periods.",
+        found.entry,
+        digits(found.mean_angle_deg),
+        digits(found.amplitude_deg),
+        digits(found.period_s),
+        digits(found.reduced_frequency),
+        found.periods
+    );
+    let head = [
+        "coefficient",
+        "at the mean angle",
+        "static derivative, 1/rad",
+        "damping derivative, over l/(2V)",
+        "explained variance",
+    ];
+    let rows = found.derivatives.iter().map(row).collect();
+    Some(Table { caption, head: head.map(str::to_owned).to_vec(), rows })
+}
+
+/// Swing of the canopy about its payload, in the table of the wake.
+fn swing_rows(swing: &PendulumSwing) -> [(String, String); 6] {
+    let pair = |[a, b]: [f64; 2]| format!("{}, {}", digits(a), digits(b));
+    [
+        ("mean tilt along x and y, deg".into(), pair(swing.mean_tilt_deg)),
+        ("rms swing about it along both principal axes, deg".into(), pair(swing.principal_rms_deg)),
+        ("ratio of both (0: in a plane, 1: a cone)".into(), digits(swing.axis_ratio)),
+        (
+            "mean rate of turn (positive: right-handed about the upward vertical), deg/s".into(),
+            digits(swing.turn_rate_deg_s),
+        ),
+        ("main period of the swing, s".into(), swing.period_s.map_or("-".into(), digits)),
+        ("rms swing of the last quarter over that of the quarter before".into(), digits(swing.growth)),
+    ]
 }
 
 /// Initial and final values, extremes and late means.

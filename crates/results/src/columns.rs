@@ -39,6 +39,11 @@ pub const HISTORY: &[Column] = &[
          in the frame.",
     ),
     column(
+        "pendulum_x_deg",
+        "Component of that angle along x: a vector as long as the angle, along the horizontal part of the line. Empty as the angle.",
+    ),
+    column("pendulum_y_deg", "The same along y."),
+    column(
         "stream_diameters",
         "Diameters of stream that have passed the canopy since the start of the stage: integral of U/D, with the speed U of the \
          undisturbed air relative to the frame and the diameter D of a circle of the projected area. Empty where the wake is not \

@@ -222,9 +222,10 @@ pub fn names(kind: StageKind) -> Vec<&'static str> {
     cells(kind, &Row::default()).into_iter().map(|(name, _)| name).collect()
 }
 
-fn descent_cells(row: &Row) -> [(&'static str, Cell); 16] {
+fn descent_cells(row: &Row) -> [(&'static str, Cell); 18] {
     use Cell::{Nothing, Number};
     let force = row.report.force;
+    let swing = |i: usize| row.wake.and_then(|w| w.pendulum_xy_deg).map_or(Nothing, |xy| Number(xy[i]));
     let track = |value: fn(&Trajectory) -> f64| row.trajectory.as_ref().map_or(Nothing, |t| Number(value(t)));
     [
         ("descent_speed_m_s", Number(row.descent_speed_m_s)),
@@ -234,6 +235,8 @@ fn descent_cells(row: &Row) -> [(&'static str, Cell); 16] {
         ("force_x_n", Number(force[0])),
         ("force_y_n", Number(force[1])),
         ("pendulum_angle_deg", row.wake.and_then(|w| w.pendulum_deg).map_or(Nothing, Number)),
+        ("pendulum_x_deg", swing(0)),
+        ("pendulum_y_deg", swing(1)),
         ("stream_diameters", row.wake.map_or(Nothing, |w| Number(w.diameters))),
         ("stream_speed_m_s", row.wake.map_or(Nothing, |w| Number(w.speed_m_s))),
         ("frame_x_m", track(|t| t.position_m[0])),

@@ -75,7 +75,7 @@ const MAX_CYCLES: usize = 200;
 const STUDENT: [f64; 8] = [4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
 
 /// Quantile 0.975 of Student's t.
-fn student(degrees_of_freedom: usize) -> f64 {
+pub(crate) fn student(degrees_of_freedom: usize) -> f64 {
     STUDENT[degrees_of_freedom.saturating_sub(2).min(STUDENT.len() - 1)]
 }
 

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use terminal::{clock, counted};
 
 use crate::finding::Finding;
+use crate::forced_oscillation::ForcedOscillation;
 use crate::history::Row;
 use crate::opening::{Opening, OpeningReference};
 use crate::settled::SettledMean;
@@ -136,6 +137,9 @@ pub struct StageSummary {
     /// Line stretch, filling and largest force of a canopy that opens in the stage; `None` in any other stage.
     #[serde(default)]
     pub opening: Option<Opening>,
+    /// Stability derivatives of a body whose rotation oscillates as prescribed; `None` in any other stage.
+    #[serde(default)]
+    pub forced_oscillation: Option<ForcedOscillation>,
     /// Safety factors of fabric, lines and risers, where the scene has their strength.
     #[serde(default)]
     pub safety_factors: Vec<SafetyFactor>,
@@ -219,6 +223,7 @@ impl StageSummary {
             wake: None,
             settled: Vec::new(),
             opening: None,
+            forced_oscillation: None,
             safety_factors: Vec::new(),
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
@@ -247,6 +252,10 @@ impl StageSummary {
             return;
         }
         self.settled = SettledMean::all(&columns);
+        let stage = scene.stages.iter().position(|s| s.name == self.name);
+        self.forced_oscillation = stage
+            .zip(history.parent())
+            .and_then(|(stage, folder)| ForcedOscillation::of(scene, stage, folder));
         if self.kind == StageKind::Coupled {
             let reference = OpeningReference::of(scene, interface);
             self.opening = reference.and_then(|r| Opening::of_history(&columns, &r));
@@ -283,6 +292,12 @@ impl StageSummary {
                 structure / flow
             )
         })
+    }
+
+    /// Stability derivatives in words.
+    fn oscillation_lines(&self) -> impl Iterator<Item = String> + '_ {
+        let lines = self.forced_oscillation.iter().flat_map(ForcedOscillation::lines);
+        lines.map(|line| format!("  {}: {line}", self.name))
     }
 
     /// Settled means in words: of descent speed and drag, or of the drag where the stage prescribes the speed.
@@ -500,6 +515,7 @@ impl RunSummary {
         let openings =
             self.stages.iter().filter_map(|s| Some(format!("  {}: {}", s.name, s.opening?.line())));
         lines.extend(openings);
+        lines.extend(self.stages.iter().flat_map(StageSummary::oscillation_lines));
         lines.extend(self.smallest_safety_factors());
         lines.extend(self.stages.iter().filter_map(StageSummary::structure_cost));
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));

@@ -8,6 +8,7 @@ use std::f64::consts::PI;
 use serde::{Deserialize, Serialize};
 
 use crate::long_term::{MIN_BATCHES, long_term};
+use crate::pendulum::{PendulumSwing, Tilt};
 
 /// Root mean square of the side force over the mean drag below which a wake counts as symmetric: the geometric mean of 0.9 %,
 /// a symmetric wake of the ATPS (9 N of 1 050 N), and 10 %, the least of its developed wakes (100 to 500 N).
@@ -37,6 +38,8 @@ pub struct Sample {
     /// Angle between the vertical and the line from the payload to the centroid of the canopy, degrees; `None` where the payload
     /// is not at rest in the frame.
     pub pendulum_deg: Option<f64>,
+    /// Components of that angle along x and y, degrees.
+    pub pendulum_xy_deg: Option<[f64; 2]>,
     /// Diameters of stream since the start of the stage, the integral of U/D.
     pub diameters: f64,
     /// Speed U of the undisturbed air relative to the frame, m/s.
@@ -60,6 +63,8 @@ pub struct Wake {
     pub pendulum_rms_deg: Option<f64>,
     /// Largest such angle, degrees.
     pub pendulum_largest_deg: Option<f64>,
+    /// Swing in both directions; `None` as the angle, for fewer than 80 windows, and for a history of earlier versions.
+    pub pendulum_swing: Option<PendulumSwing>,
     /// Strouhal number f D/U of the main period of the side force along its principal axis; `None` with fewer than four periods,
     /// with a side force below 3 % of the drag, or above 0.3, where it is not that of a wake.
     pub strouhal: Option<f64>,
@@ -122,6 +127,8 @@ impl Wake {
         let rms = root_mean_square(late.iter().map(|s| s.side_n[0].hypot(s.side_n[1])));
         let angles: Vec<f64> = late.iter().filter_map(|s| s.pendulum_deg).collect();
         let angle = |value: f64| (!angles.is_empty()).then_some(value);
+        let tilts: Vec<Tilt> =
+            late.iter().filter_map(|s| Some(Tilt { time_s: s.time_s, xy_deg: s.pendulum_xy_deg? })).collect();
         let share = rms / drag.abs().max(f64::MIN_POSITIVE);
         // In a symmetric wake the side force oscillates with the canopy, not with the wake.
         let force = (share >= SYMMETRIC_SHARE).then(|| principal(late));
@@ -137,6 +144,7 @@ impl Wake {
             side_force_share: share,
             pendulum_rms_deg: angle(root_mean_square(angles.iter().copied())),
             pendulum_largest_deg: angle(angles.iter().copied().fold(0.0, f64::max)),
+            pendulum_swing: PendulumSwing::of(&tilts),
             strouhal: enough.map(|(p, _)| time / (p * diameters)),
             strouhal_share: enough.map(|(_, share)| share),
             periods,
@@ -150,6 +158,7 @@ impl Wake {
         let (time, drag) = (get("time_s")?, get("drag_n")?);
         let (x, y, diameters) = (get("force_x_n")?, get("force_y_n")?, get("stream_diameters")?);
         let angle = get("pendulum_angle_deg");
+        let swing = get("pendulum_x_deg").zip(get("pendulum_y_deg"));
         let samples: Vec<Sample> = (0..time.len())
             .filter(|&k| diameters[k].is_finite())
             .map(|k| Sample {
@@ -157,6 +166,9 @@ impl Wake {
                 drag_n: drag[k],
                 side_n: [x[k], y[k]],
                 pendulum_deg: angle.map(|a| a[k]).filter(|a| a.is_finite()),
+                pendulum_xy_deg: swing
+                    .map(|(x, y)| [x[k], y[k]])
+                    .filter(|xy| xy.iter().all(|c| c.is_finite())),
                 diameters: diameters[k],
                 // Not needed for the statistics.
                 speed_m_s: 0.0,
@@ -210,8 +222,9 @@ impl Wake {
             _ => String::new(),
         };
         let strouhal = self.strouhal.map_or(String::new(), |st| format!(", Strouhal number {st:.3}"));
+        let swing = self.pendulum_swing.map_or(String::new(), |s| format!("; {}", s.line()));
         format!(
-            "wake of the last half: side force rms {:.3} N ({:.2} % of the drag){angle}{strouhal}; {:.1} U/D in the stage",
+            "wake of the last half: side force rms {:.3} N ({:.2} % of the drag){angle}{strouhal}; {:.1} U/D in the stage{swing}",
             self.side_force_rms_n,
             100.0 * self.side_force_share,
             self.stream_diameters
@@ -236,6 +249,7 @@ mod tests {
                 drag_n: 1000.0 + 50.0 * (7.0 * t).sin(),
                 side_n: [0.6 * a - 0.8 * b, 0.8 * a + 0.6 * b],
                 pendulum_deg: Some((3.0 * (0.4 * t).sin()).abs()),
+                pendulum_xy_deg: Some([0.0, 3.0 * (0.4 * t).sin()]),
                 diameters: 0.5 * t,
                 speed_m_s: 1.0,
             }
@@ -270,6 +284,8 @@ mod tests {
         let (mean, largest) =
             (wake.pendulum_rms_deg.expect("rms"), wake.pendulum_largest_deg.expect("largest"));
         assert!((mean - 3.0 / 2f64.sqrt()).abs() < 0.1 && (largest - 3.0).abs() < 1e-3, "{wake:?}");
+        let swing = wake.pendulum_swing.expect("a swing");
+        assert!((swing.principal_rms_deg[0] - mean).abs() < 0.01 && swing.azimuth_deg == 90.0, "{swing:?}");
         assert_eq!(check(&wake), None);
     }
 
@@ -356,6 +372,7 @@ mod tests {
             drag_n: 10.0,
             side_n: [3.0, 4.0],
             pendulum_deg: None,
+            pendulum_xy_deg: None,
             speed_m_s: 1.0,
         };
         let wake = Wake::of(&[one]).expect("a wake");

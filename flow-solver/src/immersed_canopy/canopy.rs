@@ -7,6 +7,8 @@ use immersed::free_edges::free_edges;
 use mesh::StructureMesh;
 use nalgebra::Vector3;
 
+use super::forces::LoadedFace;
+
 /// Least area vector of a face, in units of its unfolded area, that a load refers to.
 const LEAST_OPENING: f64 = 0.25;
 
@@ -86,6 +88,12 @@ impl CanopySurface {
         } else {
             0.5 * (c - a).cross(&(d - b))
         }
+    }
+
+    /// Middle, area vector (m2) and force (N) of each face.
+    pub fn loaded_faces(&self, nodes: &[Vector3<f64>], forces: &[Vector3<f64>]) -> Vec<LoadedFace> {
+        let middles = self.means(nodes).into_iter().zip(forces).enumerate();
+        middles.map(|(f, (middle, force))| (middle, self.area(f, nodes), *force)).collect()
     }
 
     /// Area of a face as its triangles have it, m2.

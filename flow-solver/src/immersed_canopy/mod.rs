@@ -9,6 +9,7 @@
 
 mod canopy;
 mod force_along;
+mod forces;
 mod moving_grid;
 mod participant;
 mod ranks;

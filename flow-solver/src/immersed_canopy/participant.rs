@@ -19,6 +19,7 @@ use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
 use super::force_along::MeanForceAlong;
+use super::forces::{CanopyForces, LoadedFace};
 use super::moving_grid::MovingGrid;
 use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
@@ -73,6 +74,11 @@ pub struct ImmersedParticipant {
     open: Option<OpenWindow>,
     /// Input of the last solution: positions, and the velocity of the frame.
     trial: Option<(Vec<Vector3<f64>>, Vector3<f64>)>,
+    /// Its forces on the faces, where there is a table of them.
+    loaded: Vec<LoadedFace>,
+    /// `forces.csv`, where the scene asks for it, and the ranks that write it.
+    forces: Option<CanopyForces>,
+    ranks: Rc<FlowRanks>,
     failure: Option<Fault>,
     snapshots: Snapshots,
     time: f64,
@@ -244,6 +250,9 @@ impl ImmersedParticipant {
             vertices: Vec::new(),
             open: None,
             trial: None,
+            loaded: Vec::new(),
+            forces: CanopyForces::new(scene, &case::stage_folder(out, scene, stage))?,
+            ranks,
             failure: None,
             snapshots: Snapshots::default(),
             time: 0.0,
@@ -585,6 +594,9 @@ impl Participant for ImmersedParticipant {
             values[flow_stats::NO_ANSWER] = 1.0;
             (values[flow_stats::RESIDUAL_START], values[flow_stats::RESIDUAL_END]) = (1.0, -1.0);
         } else {
+            if self.forces.is_some() {
+                self.loaded = self.surface.loaded_faces(&open.nodes, &solution.forces);
+            }
             self.trial = Some((positions, end));
             self.open = Some(open);
         }
@@ -618,6 +630,10 @@ impl Participant for ImmersedParticipant {
         self.update_force_along(dt, velocity);
         self.handed_over = None;
         self.time = w.time + w.dt;
+        if let Some(forces) = &mut self.forces {
+            let speed = (Vector3::from(self.wind.at(self.time)) - end).norm();
+            forces.record(&self.ranks.0, self.time, speed, &self.loaded)?;
+        }
         Ok(())
     }
 

@@ -39,10 +39,17 @@ pub struct Forces {
     table: Table,
 }
 
-fn sum_columns(on: &str) -> Vec<String> {
+/// Names of the columns of a sum of forces on `on`.
+pub(crate) fn sum_columns(on: &str) -> Vec<String> {
     let vectors =
         VECTORS.iter().flat_map(|(what, unit)| ["x", "y", "z"].map(|d| format!("{on}_{what}_{d}_{unit}")));
     vectors.chain([format!("{on}_drag_n")]).collect()
+}
+
+/// Names of the columns of an entry of `[[flow.forces.coefficients]]`.
+pub(crate) fn coefficient_columns(entry: &str) -> Vec<String> {
+    let further = OF_AN_ENTRY.iter().map(|c| format!("{entry}_{c}"));
+    sum_columns(entry).into_iter().chain(further).collect()
 }
 
 impl Forces {
@@ -58,12 +65,7 @@ impl Forces {
         let own = solver.topology.no_slip.iter().any(|s| s.canopy == u32::MAX);
         let (canopy, walls) = (!setup.grid.canopy_faces.is_empty(), !solver.comm().all(!own));
         let entry = |e: &case::ForceCoefficients| {
-            let coefficients = Coefficients::new(e, f).ok_or_else(|| {
-                Fault::new(format!(
-                    "drag and lift of \"{}\" in [[flow.forces.coefficients]] are parallel",
-                    e.name
-                ))
-            })?;
+            let coefficients = surface_force::entry_coefficients(e, f)?;
             let surfaces = Surfaces::new(e, &setup.flow, &setup.grid.patch_names);
             Ok(Entry { scene: e.clone(), surfaces, coefficients })
         };
@@ -74,8 +76,7 @@ impl Forces {
             .flat_map(|set| sum_columns(set.0))
             .collect();
         for e in &entries {
-            columns.extend(sum_columns(&e.scene.name));
-            columns.extend(OF_AN_ENTRY.map(|c| format!("{}_{c}", e.scene.name)));
+            columns.extend(coefficient_columns(&e.scene.name));
         }
         let drag = Vec3::from(f.drag_direction);
         Ok(Self {
@@ -124,6 +125,7 @@ impl Forces {
     }
 }
 
-fn put(row: &mut Vec<f64>, sum: &ForceSum) {
+/// Adds the components of a sum to a row.
+pub(crate) fn put(row: &mut Vec<f64>, sum: &ForceSum) {
     row.extend(sum.iter().flat_map(|v| v.iter().copied()));
 }

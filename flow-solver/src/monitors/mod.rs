@@ -16,10 +16,12 @@ use std::path::PathBuf;
 use channel::{Fault, Window};
 
 pub use forces::Forces;
+pub(crate) use forces::{coefficient_columns, put, sum_columns};
 pub use probes::{ProbeLocation, Probes};
 pub use slice::Slice;
 pub use statistics::Statistics;
 pub use surface::Surface;
+pub(crate) use table::Table;
 
 use crate::loads::Loads;
 use crate::physics::Gas;

@@ -5,15 +5,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::check::Check;
 use crate::error::nearest;
-use crate::{Condition, Flow, Formula, FormulaError, Scene, StageKind};
+use crate::{CANOPY, Condition, Flow, Formula, FormulaError, Scene, StageKind};
 
-/// Prescribed motion of a rigid body, whose surface is patches of the flow grid, in a stage of kind `prescribed`: a
+/// Prescribed motion of a rigid body, whose surface is patches of the flow grid or the canopy, in a stage of kind `prescribed`: a
 /// rotation, then a displacement. The cells around it deform, the flow sees a wall with the velocity of the body.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodyMotion {
-    /// Sides of `[flow.box]` or groups of `[flow.grid_file]` that move together. With all patches of the grid the whole grid
-    /// moves with the body and no cell deforms.
+    /// Sides of `[flow.box]` or groups of `[flow.grid_file]` that move together, and `canopy`: the canopy in the shape that it has at the start of
+    /// the stage. With all patches of the grid the whole grid moves with the body and no cell deforms.
     pub patches: Vec<String>,
     /// Displacement along x, y and z from the position at the start of the stage, m: formulas of `t`, the time since the start of
     /// the stage, s. Zero at `t` = 0. Absent: none.
@@ -95,7 +95,26 @@ impl BodyMotion {
     }
 }
 
+impl Scene {
+    /// Whether `motion` moves the canopy as a rigid body: it names `canopy`, and that is no patch of the flow grid.
+    pub fn moves_canopy(&self, motion: &BodyMotion) -> bool {
+        let patch = self.flow.as_ref().is_some_and(|f| f.patches().iter().any(|p| p.0 == CANOPY));
+        self.has_canopy() && !patch && motion.patches.iter().any(|p| p == CANOPY)
+    }
+
+    /// Whether `motion` moves patches of the flow grid.
+    pub fn moves_patches(&self, motion: &BodyMotion) -> bool {
+        let canopy = self.moves_canopy(motion);
+        motion.patches.iter().any(|p| !canopy || p != CANOPY)
+    }
+}
+
 impl RigidMotion {
+    /// Whether the body rotates.
+    pub fn rotates(&self) -> bool {
+        self.rotation.is_some()
+    }
+
     /// Displacement and rotation at `t`, s since the start of the stage.
     pub fn at(&self, t: f64) -> Pose {
         let displacement = self.displacement.as_ref().map_or([0.0; 3], |d| [0, 1, 2].map(|i| d[i].at(&[t])));
@@ -181,23 +200,34 @@ pub(super) fn check(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mu
             "use kind = \"prescribed\", or remove its [[stage.body_motion]]",
         );
     }
-    if scene.mesh.regrid.quality_threshold.is_some_and(|t| t != 0.0) {
+    let patches_move = stage.body_motions.iter().any(|m| scene.moves_patches(m));
+    if patches_move && scene.mesh.regrid.quality_threshold.is_some_and(|t| t != 0.0) {
         c.refuse(
             "mesh.regrid.quality_threshold",
             "a new grid is built around the canopy alone, but a rigid body moves too",
             "remove [mesh.regrid] or the [[stage.body_motion]]",
         );
     }
+    if !stage.motions.is_empty() && stage.body_motions.iter().any(|m| scene.moves_canopy(m)) {
+        c.refuse(
+            &at("motion"),
+            "the nodes of the canopy have two motions: one of their own and that of the canopy as a rigid body",
+            "remove the [[stage.motion]], or \"canopy\" from `patches` of [[stage.body_motion]]",
+        );
+    }
     let Some(flow) = &scene.flow else { return };
     for (n, motion) in stage.body_motions.iter().enumerate() {
         let at = at(&format!("body_motion[{n}]"));
-        patches(flow, &stage.body_motions[..n], motion, &at, c);
+        patches(flow, scene.has_canopy(), &stage.body_motions[..n], motion, &at, c);
         formulas(scene, k, motion, &at, c);
     }
 }
 
-fn patches(flow: &Flow, earlier: &[BodyMotion], motion: &BodyMotion, at: &str, c: &mut Check) {
-    let known = flow.patches();
+fn patches(flow: &Flow, canopy: bool, earlier: &[BodyMotion], motion: &BodyMotion, at: &str, c: &mut Check) {
+    let mut known = flow.patches();
+    if canopy && !known.iter().any(|p| p.0 == CANOPY) {
+        known.push((CANOPY, Condition::Wall));
+    }
     let at = format!("{at}.patches");
     if known.is_empty() {
         let what = "the generated grid has a far field only, no named patches";

@@ -80,7 +80,6 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
             "flow.surface_pressure",
             "the immersed flow knows the pressure jump only",
         ),
-        (flow.forces.is_some(), "flow.forces", "the immersed flow has the force on the canopy only"),
         (!scene.has_canopy(), "flow.immersed", "the scene has no canopy"),
     ];
     for (given, key, why) in refused {
@@ -95,9 +94,6 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
                 "the immersed flow has no march to a steady state",
                 REMEDY,
             );
-        }
-        if !stage.body_motions.is_empty() {
-            c.refuse(&format!("stage[{k}].body_motion"), "the immersed flow has no bodies", REMEDY);
         }
     }
 }

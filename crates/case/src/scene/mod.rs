@@ -77,7 +77,9 @@ pub use immersed::Immersed;
 pub use layout::*;
 pub use lines::{LineDrag, Lines, MOST_HYSTERESIS};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
-pub use monitors::{ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce};
+pub use monitors::{
+    CANOPY, ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce,
+};
 pub use motions::{Motion, interpolate};
 pub use nodes::{Force, PointMass};
 pub use output::{CanopyPoint, Output};

@@ -105,8 +105,8 @@ pub struct ForceCoefficients {
     pub reference_speed_m_s: Option<f64>,
 }
 
-/// Name of the canopy among the surfaces of `[[flow.forces.coefficients]]`.
-const CANOPY: &str = "canopy";
+/// Name of the canopy among the surfaces of `[[flow.forces.coefficients]]` and `[[stage.body_motion]]`.
+pub const CANOPY: &str = "canopy";
 /// Name of all no-slip walls of the outer boundary.
 const WALL: &str = "wall";
 /// Sets of columns that `forces.csv` has on its own.

@@ -13,7 +13,7 @@ use crate::wake::Sample;
 
 const FILE: &str = "progress.bin";
 const KIND: [u8; 8] = *b"ripprogr";
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// Progress of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]

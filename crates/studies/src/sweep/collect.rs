@@ -10,7 +10,63 @@ use results::wake::Wake;
 
 use super::plan::{Point, Variation};
 
-/// A quantity of a run.
+/// A column of a table of a run, whose mean the sweep collects.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Quantity {
+    /// Name of the column.
+    pub column: String,
+    /// Name for people.
+    pub label: String,
+    /// Unit.
+    pub unit: &'static str,
+    /// Whether it is a coefficient of an entry of `[[flow.forces.coefficients]]`, in `forces.csv`; otherwise in `history.csv`.
+    pub of_forces: bool,
+}
+
+impl Quantity {
+    /// Name and unit, with these characters around the unit; a number without unit has none.
+    pub fn title(&self, before: &str, after: &str) -> String {
+        if self.of_forces {
+            self.label.clone()
+        } else {
+            format!("{}{before}{}{after}", self.label, self.unit)
+        }
+    }
+}
+
+/// Coefficients of an entry: end of the column, name.
+const COEFFICIENTS: [(&str, &str); 6] = [
+    ("cd", "drag coefficient"),
+    ("cl", "lift coefficient"),
+    ("cm_pitch", "pitching moment coefficient"),
+    ("cs", "side force coefficient"),
+    ("cm_roll", "rolling moment coefficient"),
+    ("cm_yaw", "yawing moment coefficient"),
+];
+
+/// The quantities of runs of `scenes`: those of the history, and the coefficients of all entries of forces.
+pub fn quantities(scenes: &[Scene]) -> Vec<Quantity> {
+    let of_history = QUANTITIES.iter().map(|(column, label, unit)| Quantity {
+        column: (*column).into(),
+        label: (*label).into(),
+        unit,
+        of_forces: false,
+    });
+    let mut all: Vec<Quantity> = of_history.collect();
+    let forces = scenes.iter().filter_map(|s| s.flow.as_ref()?.forces.as_ref());
+    for entry in forces.flat_map(|f| &f.coefficients) {
+        for (end, what) in COEFFICIENTS {
+            let column = format!("{}_{end}", entry.name);
+            if !all.iter().any(|q| q.column == column) {
+                let label = format!("{what} of {}", entry.name);
+                all.push(Quantity { column, label, unit: "-", of_forces: true });
+            }
+        }
+    }
+    all
+}
+
+/// The mean of a quantity of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Value {
     /// Settled mean, or mean of the last half of the windows where there is no settled one.
@@ -34,7 +90,7 @@ pub struct Row {
     pub warnings: usize,
     /// Check of the wake that the means do not pass, such as `wake.periods`; empty: none.
     pub wake: String,
-    /// Mean of each of [`QUANTITIES`]; `None`: the run has none.
+    /// Mean of each of the [`quantities`]; `None`: the run has none.
     pub values: Vec<Option<Value>>,
 }
 
@@ -55,7 +111,7 @@ fn summary(folder: &Path) -> Option<serde_json::Value> {
 }
 
 /// The results in the `folder` of a run of `scene`.
-pub fn row(folder: &Path, scene: &Scene) -> Row {
+pub fn row(folder: &Path, scene: &Scene, quantities: &[Quantity]) -> Row {
     if folder.join("scene.toml").exists() && !is_of(folder, scene) {
         return Row {
             ended: "a run of another scene: remove its folder, or give another --out".into(),
@@ -64,11 +120,14 @@ pub fn row(folder: &Path, scene: &Scene) -> Row {
             wall_s: 0.0,
             warnings: 0,
             wake: String::new(),
-            values: vec![None; QUANTITIES.len()],
+            values: vec![None; quantities.len()],
         };
     }
-    let file = case::stage_folder(folder, scene, scene.main_stage()).join("history.csv");
-    let columns = history::read_complete_rows(&file).map_or_else(|_| Vec::new(), |(columns, _)| columns);
+    let stage = case::stage_folder(folder, scene, scene.main_stage());
+    let read = |name: &str| {
+        history::read_complete_rows(&stage.join(name)).map_or_else(|_| Vec::new(), |(columns, _)| columns)
+    };
+    let (columns, forces) = (read("history.csv"), read("forces.csv"));
     let last = |name: &str| {
         let (_, values) = columns.iter().find(|(n, _)| n == name)?;
         values.last().copied()
@@ -87,11 +146,14 @@ pub fn row(folder: &Path, scene: &Scene) -> Row {
         wake: Wake::of_history(&columns)
             .and_then(|w| w.verdict())
             .map_or_else(String::new, |v| v.check.into()),
-        values: QUANTITIES.iter().map(|(name, _, _)| value(name, &columns)).collect(),
+        values: quantities
+            .iter()
+            .map(|q| value(&q.column, if q.of_forces { &forces } else { &columns }))
+            .collect(),
     }
 }
 
-/// Mean of a column of a history.
+/// Mean of a column of a table with times.
 fn value(name: &str, columns: &[(String, Vec<f64>)]) -> Option<Value> {
     if let Some(SettledMean { mean, interval_95: Some(half_width), .. }) = SettledMean::of(name, columns) {
         return Some(Value { mean, interval: Some(half_width) });
@@ -101,7 +163,7 @@ fn value(name: &str, columns: &[(String, Vec<f64>)]) -> Option<Value> {
     (!late.is_empty()).then(|| Value { mean: late.iter().sum::<f64>() / late.len() as f64, interval: None })
 }
 
-/// Whether any run has a value of the quantity at this position of [`QUANTITIES`].
+/// Whether any run has a value of the quantity at this position.
 pub fn is_known(rows: &[Row], quantity: usize) -> bool {
     rows.iter().any(|r| r.values[quantity].is_some())
 }
@@ -110,7 +172,13 @@ pub fn is_known(rows: &[Row], quantity: usize) -> bool {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, variations: &[Variation], points: &[Point], rows: &[Row]) -> Result<(), RunError> {
+pub fn write(
+    path: &Path,
+    variations: &[Variation],
+    quantities: &[Quantity],
+    points: &[Point],
+    rows: &[Row],
+) -> Result<(), RunError> {
     let quoted = |text: &str| {
         if text.contains([',', '"', '\n']) {
             format!("\"{}\"", text.replace('"', "\"\""))
@@ -118,12 +186,13 @@ pub fn write(path: &Path, variations: &[Variation], points: &[Point], rows: &[Ro
             text.into()
         }
     };
-    let known: Vec<usize> = (0..QUANTITIES.len()).filter(|q| is_known(rows, *q)).collect();
+    let known: Vec<usize> = (0..quantities.len()).filter(|q| is_known(rows, *q)).collect();
     let mut names: Vec<String> = vec!["run".into()];
     names.extend(variations.iter().map(|v| v.key.clone()));
     names.extend(["ended", "time_s", "wall_s", "warnings", "wake"].map(String::from));
     for &q in &known {
-        names.extend([QUANTITIES[q].0.to_owned(), format!("{}_interval_95", QUANTITIES[q].0)]);
+        let column = &quantities[q].column;
+        names.extend([column.clone(), format!("{column}_interval_95")]);
     }
     let mut text = names.iter().map(|n| quoted(n)).collect::<Vec<_>>().join(",") + "\n";
     for (point, row) in points.iter().zip(rows) {

@@ -167,18 +167,20 @@ impl<'a> Sweep<'a> {
 
     /// Writes the table and the page of all runs so far; returns the text for the terminal.
     fn collect(&self) -> Result<String, RunError> {
-        let rows: Vec<_> =
-            self.scenes.iter().enumerate().map(|(at, scene)| collect::row(&self.folder(at), scene)).collect();
+        let quantities = collect::quantities(&self.scenes);
+        let row = |(at, scene)| collect::row(&self.folder(at), scene, &quantities);
+        let rows: Vec<_> = self.scenes.iter().enumerate().map(row).collect();
         let command = std::env::args().collect::<Vec<_>>().join(" ");
         let results = Results {
             title: if self.scenes[0].title.is_empty() { &self.scenes[0].name } else { &self.scenes[0].title },
             command: &command,
             variations: &self.args.vary,
+            quantities: &quantities,
             points: &self.points,
             rows: &rows,
         };
         let (table, page) = (self.out.join("sweep.csv"), self.out.join("sweep.html"));
-        collect::write(&table, &self.args.vary, &self.points, &rows)?;
+        collect::write(&table, &self.args.vary, &quantities, &self.points, &rows)?;
         std::fs::write(&page, results.page()).map_err(RunError::file("write", &page))?;
         Ok(format!("{}results: {}, {}", results.table(), table.display(), page.display()))
     }

@@ -3,9 +3,8 @@
 use figures::chart::{Axis, Figure, Mark, Panel, Panels, Series, short};
 use figures::colour;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
-use results::settled::QUANTITIES;
 
-use super::collect::{Row, Value, is_known};
+use super::collect::{Quantity, Row, Value, is_known};
 use super::plan::{Point, Variation};
 
 const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#20262e}\
@@ -21,6 +20,8 @@ pub struct Results<'a> {
     pub command: &'a str,
     /// Varied keys.
     pub variations: &'a [Variation],
+    /// What the table has of each run.
+    pub quantities: &'a [Quantity],
     /// Runs.
     pub points: &'a [Point],
     /// Their results.
@@ -40,16 +41,18 @@ pub fn shown(value: Option<Value>) -> String {
 }
 
 impl Results<'_> {
-    /// Positions in [`QUANTITIES`] of what any run has.
+    /// Positions of the quantities that any run has.
     fn known(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..QUANTITIES.len()).filter(|q| is_known(self.rows, *q))
+        (0..self.quantities.len()).filter(|q| is_known(self.rows, *q))
     }
 
-    /// The table for the terminal: the first quantities.
+    /// The table for the terminal: the first quantities, three of them coefficients of forces where there are some.
     pub fn table(&self) -> String {
-        let quantities: Vec<usize> = self.known().take(4).collect();
+        let (forces, others): (Vec<usize>, Vec<usize>) =
+            self.known().partition(|q| self.quantities[*q].of_forces);
+        let quantities: Vec<usize> = forces.into_iter().take(3).chain(others).take(4).collect();
         let mut lines = vec![vec![String::from("run")]];
-        lines[0].extend(quantities.iter().map(|q| format!("{}, {}", QUANTITIES[*q].1, QUANTITIES[*q].2)));
+        lines[0].extend(quantities.iter().map(|q| self.quantities[*q].title(", ", "")));
         lines[0].extend(["wake".into(), "ended".into()]);
         for (point, row) in self.points.iter().zip(self.rows) {
             let mut cells = vec![point.name.clone()];
@@ -84,7 +87,7 @@ impl Results<'_> {
                     h1 { "Sweep: " (self.title) }
                     p.s { (complete) " of " (self.points.len()) " runs are complete." }
                     p.s {
-                        "Means of the last coupled stage with 95 % intervals. In brackets: the mean of the last half of the windows of a run \
+                        "Means of the last coupled stage, or of the last stage, with 95 % intervals. In brackets: the mean of the last half of the windows of a run \
                          that has no settled mean. The column wake names the check that the means of a run do not pass: the interval may then be \
                          too narrow, or the wake symmetric."
                     }
@@ -104,7 +107,7 @@ impl Results<'_> {
                 thead {
                     tr {
                         @for v in self.variations { th { (v.key) } }
-                        @for q in &known { th { (QUANTITIES[*q].1) ", " (QUANTITIES[*q].2) } }
+                        @for q in &known { th { (self.quantities[*q].title(", ", "")) } }
                         th { "time, s" }
                         th { "wall, s" }
                         th { "warnings" }
@@ -129,9 +132,24 @@ impl Results<'_> {
         }
     }
 
+    /// Value of the varied key `k` in a chart: a number, or the angle in degrees between a vector and the first value of the key.
+    fn abscissa(&self, k: usize, point: &Point) -> Option<f64> {
+        let value = &point.values[k];
+        let first = vector(&self.variations[k].values[0]);
+        value.parse::<f64>().ok().or_else(|| angle_deg(first?, vector(value)?))
+    }
+
+    fn axis_title(&self, k: usize) -> String {
+        let v = &self.variations[k];
+        match vector(&v.values[0]) {
+            Some(_) => format!("angle between {} and its first value (deg)", v.key),
+            None => v.key.clone(),
+        }
+    }
+
     /// A chart for each quantity over the first key with numbers, a series for each combination of the others.
     pub fn figures(&self) -> Vec<Figure> {
-        let number = |k: usize, p: &Point| p.values[k].parse::<f64>().ok();
+        let number = |k: usize, p: &Point| self.abscissa(k, p);
         let numeric = |k: &usize| {
             self.variations[*k].values.len() > 1 && self.points.iter().all(|p| number(*k, p).is_some())
         };
@@ -176,9 +194,9 @@ impl Results<'_> {
                 }
                 let panel = Panel {
                     title: String::new(),
-                    x: Axis::around(&self.variations[axis].key, false, x),
+                    x: Axis::around(&self.axis_title(axis), false, x),
                     y: Axis::around(
-                        &format!("{} ({})", QUANTITIES[q].1, QUANTITIES[q].2),
+                        &self.quantities[q].title(" (", ")"),
                         false,
                         series.iter().flat_map(ends),
                     ),
@@ -192,13 +210,28 @@ impl Results<'_> {
     }
 }
 
+/// Components of `[x, y, z]`.
+fn vector(text: &str) -> Option<[f64; 3]> {
+    let inner = text.trim().strip_prefix('[')?.strip_suffix(']')?;
+    let numbers: Vec<f64> = inner.split(',').map(|x| x.trim().parse().ok()).collect::<Option<_>>()?;
+    numbers.try_into().ok()
+}
+
+/// Angle between two vectors, degrees; `None` where one of them is zero.
+fn angle_deg(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
+    let dot = |a: [f64; 3], b: [f64; 3]| a.iter().zip(&b).map(|(a, b)| a * b).sum::<f64>();
+    let product = (dot(a, a) * dot(b, b)).sqrt();
+    (product > 0.0).then(|| (dot(a, b) / product).clamp(-1.0, 1.0).acos().to_degrees())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sweep::collect::quantities;
     use crate::sweep::plan::points;
 
     fn row(speed: Option<(f64, Option<f64>)>) -> Row {
-        let mut values = vec![None; QUANTITIES.len()];
+        let mut values = vec![None; quantities(&[]).len()];
         values[0] = speed.map(|(mean, interval)| Value { mean, interval });
         Row {
             ended: "complete".into(),
@@ -230,6 +263,7 @@ mod tests {
             title: "drop",
             command: "ripstop sweep",
             variations: &variations,
+            quantities: &quantities(&[]),
             points: &points,
             rows: &rows,
         };
@@ -239,6 +273,37 @@ mod tests {
         assert!(page.contains("kind = b") && page.contains("descent speed (m/s)"), "{page}");
         let table = results.table();
         assert_eq!(table.lines().count(), 7);
+        assert_eq!(results.axis_title(0), "m");
         assert!(table.contains("4.00 ± 0.10") && table.lines().last().unwrap().contains(" -  "), "{table}");
+    }
+
+    /// The coefficients of an entry are columns of their own, and stand first on the terminal; a vector is drawn over its angle to the first value.
+    #[test]
+    fn stability_curve_has_coefficients_over_the_angle_of_the_wind() {
+        let variations: Vec<Variation> = vec!["flow.wind_m_s=[0,0,10],[-5,0,8.660254]".parse().unwrap()];
+        let points = points(&variations, false).unwrap();
+        let text = include_str!("../../../../cases/validation/rigid-cup/scene.toml");
+        let scene = case::parse(std::path::Path::new("scene.toml"), text).unwrap_or_else(|e| panic!("{e}"));
+        let quantities = quantities(&[scene.clone(), scene]);
+        let names: Vec<&str> = quantities.iter().filter(|q| q.of_forces).map(|q| q.column.as_str()).collect();
+        assert_eq!(names, ["cup_cd", "cup_cl", "cup_cm_pitch", "cup_cs", "cup_cm_roll", "cup_cm_yaw"]);
+        let rows: Vec<Row> = [0.1, 0.4]
+            .map(|c| {
+                let mut row = row(None);
+                row.values = quantities
+                    .iter()
+                    .map(|q| (q.column == "cup_cl").then_some(Value { mean: c, interval: Some(0.01) }))
+                    .collect();
+                row
+            })
+            .to_vec();
+        let (quantities, points) = (&quantities[..], &points[..]);
+        let results =
+            Results { title: "cup", command: "", variations: &variations, quantities, points, rows: &rows };
+        assert!(results.table().contains("lift coefficient of cup"), "{}", results.table());
+        assert!(results.page().contains("angle between flow.wind_m_s and its first value (deg)"));
+        let angle = results.abscissa(0, &points[1]).expect("an angle");
+        assert!((angle - 30.0).abs() < 1e-5, "{angle}");
+        assert_eq!(vector("[1,2]"), None);
     }
 }
