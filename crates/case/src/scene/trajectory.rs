@@ -159,3 +159,81 @@ fn end(scene: &Scene, t: &Trajectory, at: &dyn Fn(&str) -> String, c: &mut Check
         Some(_) => {}
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::parse;
+    use std::path::Path;
+
+    /// `square-drop` that falls after its release, with `keys` in the last stage, `more` below it and `changes` elsewhere.
+    fn scene(keys: &str, more: &str, changes: &[(&str, &str)]) -> Result<crate::Scene, crate::SceneError> {
+        let mut text = include_str!("../../../../cases/square-drop/scene.toml").to_owned();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replacen(from, to, 1);
+        }
+        let stage =
+            "\n[[stage]]\nname = \"fall\"\nkind = \"trajectory\"\nduration_s = 10.0\nwindow_s = 0.5\n";
+        parse(Path::new("scene.toml"), &(text + stage + keys + more))
+    }
+
+    #[track_caller]
+    fn refused(keys: &str, more: &str, changes: &[(&str, &str)], what: &str) {
+        let error = scene(keys, more, changes).map(|_| ()).expect_err("a refusal").to_string();
+        assert!(error.contains(what), "{error}");
+    }
+
+    #[test]
+    fn trajectories_that_nothing_moves_are_refused() {
+        assert!(scene("", "", &[]).is_ok());
+        let table = "[stage.trajectory]\n";
+        let given = format!("{table}drag_area_m2 = 3.0\n");
+        let prescribed = ("kind = \"coupled\"", "kind = \"flow-only\"");
+        refused("", "", &[prescribed], "gives its drag area");
+        assert!(scene("", &given, &[prescribed]).is_ok());
+        let lift = format!("{table}lift_area_m2 = 1.0\n");
+        refused("", &lift, &[], "a lift is given, but the drag is measured");
+        let both = format!("{given}lift_area_m2 = 1.0\n");
+        refused("", &both, &[], "the frame moves vertically");
+        let free = ("reference_area_m2 = 4.0", "reference_area_m2 = 4.0\nmotion = \"three-dimensional\"");
+        assert!(scene("", &both, &[free]).is_ok());
+        refused("", &format!("{both}lift_direction = [0, 0]\n"), &[free], "has no direction");
+        refused("", &format!("{given}lift_direction = [0, 1]\n"), &[free], "no lift to direct");
+        let coupled = [("substeps = 10", "substeps = 10\n[stage.trajectory]\ndrag_area_m2 = 1.0")];
+        refused("", "", &coupled, "its kind computes the motion otherwise");
+        refused("", "[stage.perturbation]\n", &[], "no program runs");
+        refused("flow_method = \"fitted\"\n", "", &[], "no program runs");
+    }
+
+    #[test]
+    fn ends_and_altitudes_need_their_heights() {
+        let end = "[stage.trajectory]\nend_height_m = 50.0\n";
+        refused("", end, &[], "height of the release above ground is not given");
+        let release = |height: &str| format!("reference_area_m2 = 4.0\nrelease_height_m = {height}");
+        let (low, high) = (release("50.0"), release("60.0"));
+        refused("", end, &[("reference_area_m2 = 4.0", &low)], "but the release is at 50 m");
+        let scene_of = scene("", end, &[("reference_area_m2 = 4.0", &high)]).expect("a scene");
+        assert_eq!(scene_of.release_height(), Some(60.0));
+        refused("altitude_m = 100.0\n", "", &[], "runs no flow");
+        let coupled = ("substeps = 10", "substeps = 10\naltitude_m = 100.0");
+        refused("", "", &[coupled], "not that of an altitude");
+        let altitude = ("[flow.solver]", "[flow]\naltitude_m = 3000.0\n[flow.solver]");
+        let scene_of = scene("", "", &[coupled, altitude]).expect("a scene");
+        let density = |k: usize| scene_of.for_stage(k).flow.expect("air").density_kg_m3;
+        let at = |h: f64| crate::StandardAir::at(h).density_kg_m3;
+        assert!(
+            (density(1) / at(3000.0) - 1.0).abs() < 1e-12 && (density(2) / at(100.0) - 1.0).abs() < 1e-12
+        );
+        assert!((scene_of.density_at(-1000.0).expect("air") / at(2000.0) - 1.0).abs() < 1e-12);
+    }
+
+    /// The flow counts its own height, so that it would meet the wind of another one after a fall.
+    #[test]
+    fn flow_after_a_fall_through_sheared_wind_is_refused() {
+        let shear = "[flow]\nwind_m_s = [2, 0, 0]\n[flow.shear]\nstart_height_m = 100.0\nprofile = \"power\"\n[flow.solver]";
+        let later = "[[stage]]\nname = \"after\"\nkind = \"coupled\"\nduration_s = 0.1\nwindow_s = 5e-3\n";
+        refused("", later, &[("[flow.solver]", shear)], "the wind of another height");
+        let last = scene("", "", &[("[flow.solver]", shear)]).expect("a scene");
+        assert_eq!(last.release_height(), Some(100.0 - 4.0 * 0.2));
+    }
+}
