@@ -66,7 +66,7 @@ fn sphere_at_reynolds_300_refined_again() {
     assert!((st - 0.1355).abs() < 0.006, "{st}");
 }
 
-/// The hybrid flux on the coarsest grid: 0.034 and 0.011 off. Its lift is irregular, see docs/records/verification.md.
+/// The hybrid flux on the coarsest grid: 0.030 and 0.013 off. Its lift is irregular, see docs/records/verification.md.
 #[test]
 #[ignore = "nightly: 2 minutes"]
 fn sphere_at_reynolds_300_hybrid() {

@@ -37,6 +37,12 @@ pub(super) const MOTION: &[Panel] = &[
         &[("frame_x_m", "along x"), ("frame_y_m", "along y")],
     ),
     panel(
+        "Height",
+        "m",
+        "Height of the payload relative to its release.",
+        &[("frame_z_m", "height")],
+    ),
+    panel(
         "Horizontal velocity",
         "m/s",
         "Velocity of the payload over ground, where it is free to move sideways.",

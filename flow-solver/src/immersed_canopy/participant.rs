@@ -187,6 +187,14 @@ fn subgrid_model(air: &case::Flow) -> Result<Option<SubgridModel>, Fault> {
     }
 }
 
+/// Of a flow that is solved to `tolerance`.
+fn settings(air: &case::Flow, tolerance: f64) -> Settings {
+    let density = air.density_kg_m3;
+    let viscosity = air.viscosity.as_ref().map_or(0.0, |v| v.dynamic_viscosity_pa_s / density);
+    let momentum = Momentum { upwind_share: air.upwind_share(), viscosity };
+    Settings { density, far: Vector3::zeros(), momentum, tolerance }
+}
+
 impl ImmersedParticipant {
     fn new(
         scene: &Scene,
@@ -211,16 +219,13 @@ impl ImmersedParticipant {
             StageKind::Coupled => drop.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
             _ => drop,
         };
-        let viscosity = air.viscosity.as_ref().map_or(0.0, |v| v.dynamic_viscosity_pa_s / air.density_kg_m3);
-        let momentum = Momentum { upwind_share: air.upwind_share(), viscosity };
-        let settings = Settings { density: air.density_kg_m3, far: Vector3::zeros(), momentum, tolerance };
         let stream = Vector3::from(wind.at(0.0)) + excess(by_height.as_ref(), &begin.positions) - begin.frame;
         let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
         let cloth = scene.fabric.permeability.as_ref().map(|p| {
             let (a, b) = p.coefficients(air.density_kg_m3);
             Permeability::new(a, b)
         });
-        let mut flow = Flow::on_ranks(cells, settings, ranks.clone()).map_err(Fault::new)?;
+        let mut flow = Flow::on_ranks(cells, settings(air, tolerance), ranks.clone()).map_err(Fault::new)?;
         flow.set_subgrid_model(subgrid_model(air)?);
         if let Some(shear) = &by_height {
             let far = |z: f64| shear.excess(grid.origin.z + z);
