@@ -147,8 +147,9 @@ impl<'a> Run<'a> {
         {
             self.console.warning(&verdict.warning(&summary.name));
         }
+        let falls = |s: &case::Stage| matches!(s.kind, StageKind::Coupled | StageKind::Trajectory);
         if ended.is_ok()
-            && self.prepared.scene.main_stage() == stage
+            && self.prepared.scene.stages.iter().rposition(falls) == Some(stage)
             && let Some(height) = self.prepared.scene.descent.as_ref().and_then(|d| d.release_height_m)
             && !self.prepared.scene.has_landed(state.position)
         {
