@@ -6,6 +6,7 @@
 //! \hat u = u^n + U^{n+1} - U^n + \Delta t \left(N(u) - N(U)\right)
 //! ```
 //! with the difference of the rates extrapolated to the middle of the step. Without an obstacle the air remains undisturbed to round-off.
+//! The stress of subgrid models is not part of $`N(U)`$: `wale` has none in a parallel shear, `smagorinsky` changes the undisturbed air by its own diffusion.
 
 use nalgebra::Vector3;
 

@@ -321,7 +321,7 @@ fn oscillation_table(run: &Run, stage: &StageData) -> Option<Table> {
         ]
     };
     let caption = format!(
-        "Stability derivatives of \"{}\" by forced oscillation: {} ± {} deg in {} s, reduced frequency {}, {} whole periods. Intervals of 95 %; in brackets: fewer than three periods.",
+        "Stability derivatives of \"{}\" by forced oscillation: {} ± {} deg in {} s, reduced frequency {}, {} whole periods. Intervals of 95 %; in brackets: fewer than three periods, or serially correlated ones.",
         found.entry,
         digits(found.mean_angle_deg),
         digits(found.amplitude_deg),
