@@ -47,10 +47,10 @@ struct StageStatistics {
 /// [`RunError::Input`]: the path has no history with a flow.
 pub fn statistics(args: &StatisticsArgs) -> Result<String, RunError> {
     let scene = args.path.is_dir().then(|| crate::diff_command::scene_of(&args.path).ok()).flatten();
-    let reference = scene.as_ref().and_then(reference);
+    let run = scene.as_ref().map(|scene| (scene, CanopyInterface::new(scene).ok()));
     let stages: Vec<StageStatistics> = histories(&args.path)?
         .into_iter()
-        .map(|(name, file)| of(name, &file, reference.as_ref(), scene.as_ref()))
+        .map(|(name, file)| of(name, &file, run.as_ref()))
         .collect::<Result<Vec<Option<StageStatistics>>, RunError>>()?
         .into_iter()
         .flatten()
@@ -81,17 +81,11 @@ fn histories(path: &Path) -> Result<Vec<(String, PathBuf)>, RunError> {
     Ok(names.filter(|(_, file)| file.is_file()).collect())
 }
 
-/// Air and canopy of a run.
-fn reference(scene: &Scene) -> Option<OpeningReference> {
-    OpeningReference::of(scene, &CanopyInterface::new(scene).ok()?)
-}
-
-/// Of a history; `None` for a stage without a flow or a completed window.
+/// Of a history, with the scene and the canopy of its run; `None` for a stage without a flow or a completed window.
 fn of(
     stage: String,
     file: &Path,
-    reference: Option<&OpeningReference>,
-    scene: Option<&Scene>,
+    run: Option<&(&Scene, Option<CanopyInterface>)>,
 ) -> Result<Option<StageStatistics>, RunError> {
     let (columns, _) = history::read_complete_rows(file)?;
     let windows = columns.iter().find(|(name, _)| name == "drag_n").map_or(0, |(_, values)| values.len());
@@ -103,11 +97,18 @@ fn of(
     // A warning about means stands where there is one.
     let verdict = wake.as_ref().filter(|_| !settled.is_empty()).and_then(Wake::verdict);
     let warning = verdict.map(|verdict| verdict.warning(&stage));
-    let opening = reference.and_then(|r| Opening::of_history(&columns, r));
-    let forced_oscillation = scene.zip(file.parent()).and_then(|(scene, folder)| {
+    let place = run.and_then(|(scene, canopy)| {
         let index = scene.stages.iter().position(|s| s.name == stage)?;
-        ForcedOscillation::of(scene, index, folder)
+        // The air is that of the stage.
+        Some((scene.for_stage(index), index, canopy.as_ref()))
     });
+    let reference =
+        place.as_ref().and_then(|(scene, _, canopy)| OpeningReference::of(scene, canopy.as_ref()?));
+    let opening = reference.and_then(|r| Opening::of_history(&columns, &r));
+    let forced_oscillation = place
+        .as_ref()
+        .zip(file.parent())
+        .and_then(|((scene, index, _), folder)| ForcedOscillation::of(scene, *index, folder));
     Ok(Some(StageStatistics { stage, windows, settled, wake, opening, forced_oscillation, warning }))
 }
 

@@ -18,7 +18,9 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         return None;
     }
     let interface = CanopyInterface::new(run.scene()).ok()?;
-    let reference = OpeningReference::of(run.scene(), &interface)?;
+    // The air is that of the stage.
+    let of = |stage: &StageData| OpeningReference::of(&run.scene().for_stage(stage.index), &interface);
+    let reference = of(stage)?;
     let o = Opening::of_history(stage.columns.all(), &reference)?;
     let given = |value: Option<f64>, none: &str| value.map_or_else(|| none.to_owned(), digits);
     let open = "still filling at the end of the stage";
@@ -35,7 +37,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ("the same over q S0", digits(o.largest_force_share)),
     ];
     let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
-    if let Some(area) = drag_area(last.columns.all(), reference.density_kg_m3) {
+    if let Some(area) = drag_area(last.columns.all(), of(last)?.density_kg_m3) {
         let coefficient = area / reference.nominal_area_m2;
         let state = match facts::not_comparable(last) {
             None => String::new(),

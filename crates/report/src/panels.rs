@@ -36,12 +36,7 @@ pub(super) const MOTION: &[Panel] = &[
         "Horizontal position of the payload over ground since its release, where it is free to move sideways.",
         &[("frame_x_m", "along x"), ("frame_y_m", "along y")],
     ),
-    panel(
-        "Height",
-        "m",
-        "Height of the payload relative to its release.",
-        &[("frame_z_m", "height")],
-    ),
+    panel("Height", "m", "Height of the payload relative to its release.", &[("frame_z_m", "height")]),
     panel(
         "Horizontal velocity",
         "m/s",
