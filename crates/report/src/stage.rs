@@ -21,7 +21,8 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     let name = &described.name;
     let id = anchor(name);
     let mut found = charts(MOTION, &stage.columns, &id);
-    let falls = coupled(described.kind) && run.scene().descent.is_some();
+    let falls = run.scene().descent.is_some()
+        && (coupled(described.kind) || described.kind == case::StageKind::Trajectory);
     if !falls {
         // The scene prescribes the speed.
         found.retain(|c| c.title != "Descent speed");
@@ -39,7 +40,8 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         match chart.title.as_str() {
             "Descent speed" => {
                 let published = plot::published(run.scene()).iter();
-                let published = published.filter(|_| facts::not_comparable(stage).is_none());
+                let published =
+                    published.filter(|_| coupled(described.kind) && facts::not_comparable(stage).is_none());
                 chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
             }
             "Drag" => {
