@@ -15,15 +15,18 @@ use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
 use super::{facts, opening_loads, origin};
 
+/// Whether the equations of the stage give the speed of the frame.
+fn falls(run: &Run, kind: case::StageKind) -> bool {
+    run.scene().descent.is_some() && (coupled(kind) || kind == case::StageKind::Trajectory)
+}
+
 /// The section of a stage.
 pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>) -> Section {
     let described = run.stage(stage);
     let name = &described.name;
     let id = anchor(name);
     let mut found = charts(MOTION, &stage.columns, &id);
-    let falls = run.scene().descent.is_some()
-        && (coupled(described.kind) || described.kind == case::StageKind::Trajectory);
-    if !falls {
+    if !falls(run, described.kind) {
         // The scene prescribes the speed.
         found.retain(|c| c.title != "Descent speed");
     }
