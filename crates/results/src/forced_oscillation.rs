@@ -513,8 +513,8 @@ mod tests {
         case::parse(Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"))
     }
 
-    /// Force that makes a coefficient of 1 in air of 10 m/s at sea level, N.
-    const SCALE: f64 = 0.5 * 1.225 * 100.0 * 0.785398;
+    /// Force that makes a coefficient of 1 in air of 10 m/s at sea level on 0.785398 m2, N.
+    const SCALE: f64 = 48.105_627_5;
 
     /// Writes the table of a body whose normal force is N = 2 theta + 0.3 dtheta/dt and whose axial force is 5 N, both at its middle, 1.5 m from the axis along
     /// the body: forces along x, y, z and the moment about the moment point, from which the axis is at `from` of time (x and z, m).
