@@ -35,7 +35,7 @@ fn hybrid_flux_loses_less_energy_than_the_upwind_flux() {
     }
 }
 
-/// Cells of a periodic box are sheared to and fro. At each of four seams the centres of the faces are 0.45 of a spacing beside the line of centres.
+/// Cells of a periodic box are sheared in alternate directions. At each of four seams the centres of the faces are 0.45 of a spacing beside the line of centres.
 #[test]
 fn flux_is_upwind_at_the_seams_of_a_grid() {
     let n = 8;

@@ -6,7 +6,7 @@ use coupling::descent::DescentModel;
 use coupling::error::RunError;
 use coupling::partners::Partners;
 use coupling::schemes::{InterfaceState, WindowReport, pack, unpack};
-use coupling::trajectory::{Air, FallState, FallingMass, ForceAreas};
+use coupling::trajectory::{Air, FallState, FallingMass, ForceAreas, MOST_STEPS};
 use mesh::geometry::Vec3;
 use results::mean_descent::{MeanDescent, air_over_ground};
 use results::settled::decimals;
@@ -96,23 +96,22 @@ impl<'c> TrajectoryStage<'c> {
         let (context, areas) = (self.context, &self.mass.areas);
         let stage = &context.description().name;
         let span = format!("the mean velocity of stage `{from}`, {:.2} to {:.2} s", mean.from_s, mean.to_s);
-        match (mean.interval_95, &mean.no_interval) {
-            // The area goes with the square of the speed.
-            (Some(half_width), _) => {
-                let share = 2.0 * half_width / Vec3::from(mean.air_m_s).norm();
-                let half = areas.drag_m2 * share;
+        // The area is that of the square of the speed.
+        let share = mean.interval_95.map(|half_width| 2.0 * half_width / Vec3::from(mean.air_m_s).norm());
+        let area = match share.map(|share| share * areas.drag_m2) {
+            Some(half) => {
                 let places = decimals(half);
-                context.console.line(&format!(
-                    "stage `{stage}`: drag area {:.places$} ± {half:.places$} m2 (95 %), lift area {:.places$} m2, from {span}",
-                    areas.drag_m2, areas.lift_m2
-                ));
+                format!("{:.places$} ± {half:.places$} m2 (95 %)", areas.drag_m2)
             }
-            (None, why) => context.console.warning(&format!(
-                "stage `{stage}`: drag area {:.3} m2 and lift area {:.3} m2 from {span}, which has no interval ({}). The speed of this \
-                 stage is as uncertain as that mean. Remedies: a longer stage `{from}`, or drag_area_m2 in [stage.trajectory]",
-                areas.drag_m2,
-                areas.lift_m2,
-                why.as_deref().unwrap_or("too few windows")
+            None => format!("{:.3} m2", areas.drag_m2),
+        };
+        let line =
+            format!("stage `{stage}`: drag area {area}, lift area {:.3} m2, from {span}", areas.lift_m2);
+        match &mean.doubt {
+            None => context.console.line(&line),
+            Some(why) => context.console.warning(&format!(
+                "{line}, which is not that of a settled descent: {why}. The speed of this stage is as uncertain as that mean. Remedies: a \
+                 longer stage `{from}`, or drag_area_m2 in [stage.trajectory]"
             )),
         }
     }
@@ -126,6 +125,20 @@ impl<'c> TrajectoryStage<'c> {
                 stage.name
             ));
         }
+    }
+
+    /// The error of a window that the fall cannot be resolved in.
+    fn too_long(&self, w: &Window) -> RunError {
+        RunError::Input(format!(
+            "stage `{}`, window {} (t = {} s): a window of {} s takes more than {MOST_STEPS:.0e} steps of the fall, or its end is not finite. \
+             Likely cause: a drag area of {:.3} m2 that is too large for {:.3} kg, or a long window. Remedy: a shorter window_s, another drag_area_m2",
+            self.context.description().name,
+            w.index,
+            w.time,
+            w.dt,
+            self.mass.areas.drag_m2,
+            self.mass.mass_kg
+        ))
     }
 
     /// The air at `t` (s since the start of the stage) and a position of the frame (m).
@@ -165,6 +178,7 @@ impl Stepper for TrajectoryStage<'_> {
             velocity: Vec3::from(self.state.velocity),
         };
         let end = self.mass.advance(start, w.time, w.dt, |t, x| self.air(t, x));
+        let end = end.ok_or_else(|| self.too_long(&w))?;
         let here = self.air(w.time + w.dt, end.position);
         let force = self.mass.areas.force(here.density_kg_m3, here.wind_m_s - end.velocity);
         self.state.acceleration = ((end.velocity - start.velocity) / w.dt).into();

@@ -93,8 +93,8 @@ pub struct FallState {
 /// Longest step as a share of the time in which the mass takes its terminal speed: the error of a step of fourth order is
 /// below 1e-9 of the change of the speed.
 const STEP_SHARE: f64 = 0.02;
-/// Most steps in a window: beyond them the share is not kept.
-const MOST_STEPS: f64 = 1e5;
+/// Most steps in a window.
+pub const MOST_STEPS: f64 = 1e5;
 
 impl FallingMass {
     /// Acceleration (m/s2) in `air` at a velocity `v` (m/s); zero in directions in which the mass does not move.
@@ -106,20 +106,30 @@ impl FallingMass {
     }
 
     /// State after `dt` seconds from time `t` (s), by the classical Runge-Kutta method of fourth order; `air` gives the air at a time (s) and
-    /// a position (m).
-    pub fn advance(&self, start: FallState, t: f64, dt: f64, air: impl Fn(f64, Vec3) -> Air) -> FallState {
+    /// a position (m). `None` where it takes more than [`MOST_STEPS`] steps, or is not finite.
+    pub fn advance(
+        &self,
+        start: FallState,
+        t: f64,
+        dt: f64,
+        air: impl Fn(f64, Vec3) -> Air,
+    ) -> Option<FallState> {
         let here = air(t, start.position);
         // Rate at which a difference of the speed decays, 1/s, at the terminal speed or above it.
         let terminal = 2.0 * self.mass_kg * self.gravity_m_s2 * here.density_kg_m3 * self.areas.drag_m2;
         let u = (here.wind_m_s - start.velocity).norm() * here.density_kg_m3 * self.areas.drag_m2;
         let rate = u.max(terminal.sqrt()) / self.mass_kg;
-        let steps = (dt * rate / STEP_SHARE).ceil().clamp(1.0, MOST_STEPS);
+        let steps = (dt * rate / STEP_SHARE).ceil().max(1.0);
+        if steps.is_nan() || steps > MOST_STEPS {
+            return None;
+        }
         let h = dt / steps;
         let mut state = start;
         for k in 0..steps as u32 {
             state = self.step(state, t + f64::from(k) * h, h, &air);
         }
-        state
+        let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+        (finite(&state.position) && finite(&state.velocity)).then_some(state)
     }
 
     fn step(&self, s: FallState, t: f64, h: f64, air: &impl Fn(f64, Vec3) -> Air) -> FallState {
@@ -165,7 +175,7 @@ mod tests {
         let terminal = (2.0 * MASS * G / (1.225 * 30.0)).sqrt();
         let mut state = FallState::default();
         for k in 0..20 {
-            state = m.advance(state, 0.05 * f64::from(k), 0.05, still);
+            state = m.advance(state, 0.05 * f64::from(k), 0.05, still).expect("a short window");
         }
         let x = G / terminal;
         assert!((state.velocity[2] + terminal * x.tanh()).abs() < 1e-8 * terminal, "{state:?}");
@@ -187,7 +197,7 @@ mod tests {
             let m = mass(areas, axes);
             assert!(m.acceleration(v, &air).norm() < 1e-13 * G, "{v} {areas:?}");
             let start = FallState { position: Vec3::zeros(), velocity: v };
-            let end = m.advance(start, 0.0, 60.0, |_, _| air);
+            let end = m.advance(start, 0.0, 60.0, |_, _| air).expect("a window");
             assert!((end.velocity - v).norm() < 1e-11, "{} {v}", end.velocity);
             assert!((end.position - v * 60.0).norm() < 1e-9, "{}", end.position);
         }
@@ -200,11 +210,20 @@ mod tests {
     fn glide_has_the_ratio_of_lift_to_drag() {
         let areas = ForceAreas { drag_m2: 40.0, lift_m2: 10.0, direction: [0.6, -0.8] };
         let m = mass(areas, FrameAxes::All);
-        let end = m.advance(FallState::default(), 0.0, 30.0, still).velocity;
+        let end = m.advance(FallState::default(), 0.0, 30.0, still).expect("a window").velocity;
         assert!((end[0].hypot(end[1]) / -end[2] - 0.25).abs() < 1e-9, "{end}");
         assert!((end[0] / 0.6 - end[1] / -0.8).abs() < 1e-9 && end[0] > 0.0, "{end}");
         let speed = (2.0 * MASS * G / (1.225 * 40.0f64.hypot(10.0))).sqrt();
         assert!((end.norm() - speed).abs() < 1e-9 * speed, "{}", end.norm());
+    }
+
+    /// A window in which the fall cannot be resolved has no end.
+    #[test]
+    fn windows_of_too_many_steps_are_refused() {
+        let m = mass(drag(30.0), FrameAxes::Vertical);
+        assert!(m.advance(FallState::default(), 0.0, 100.0, still).is_some());
+        assert_eq!(m.advance(FallState::default(), 0.0, 1e4, still), None);
+        assert_eq!(m.advance(FallState::default(), 0.0, f64::NAN, still), None);
     }
 
     /// In air whose density changes slowly the speed follows sqrt(2 m g / (rho A)), late by the inertia: with
@@ -219,7 +238,7 @@ mod tests {
         let start = FallState { position: Vec3::z() * 3_000.0, velocity: Vec3::z() * -5.0 };
         let mut state = start;
         for k in 0..50 {
-            state = m.advance(state, 10.0 * f64::from(k), 10.0, air);
+            state = m.advance(state, 10.0 * f64::from(k), 10.0, air).expect("a window");
         }
         let density = air(0.0, state.position).density_kg_m3;
         let terminal = (2.0 * MASS * G / (density * 74.0)).sqrt();

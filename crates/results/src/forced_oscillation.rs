@@ -1,4 +1,4 @@
-//! Stability derivatives of a body that is turned to and fro as prescribed.
+//! Stability derivatives of a body whose rotation oscillates as prescribed.
 //!
 //! A coefficient of the force or moment is fitted by least squares to
 //! ```math

@@ -7,6 +7,7 @@ use coupling::error::RunError;
 
 use crate::history;
 use crate::settled::SettledMean;
+use crate::wake::Wake;
 
 /// Mean velocity of the air past the frame over the settled part of a stage.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,8 +20,8 @@ pub struct MeanDescent {
     pub to_s: f64,
     /// Half width of the 95 % interval of the mean descent speed, m/s; `None`: not settled.
     pub interval_95: Option<f64>,
-    /// Why there is no interval.
-    pub no_interval: Option<String>,
+    /// Why the mean is not that of a settled descent: it has no interval, or the wake is not developed.
+    pub doubt: Option<String>,
 }
 
 impl MeanDescent {
@@ -72,9 +73,20 @@ impl MeanDescent {
             from_s,
             to_s,
             interval_95: settled.as_ref().and_then(|s| s.interval_95),
-            no_interval: settled.and_then(|s| s.no_interval),
+            doubt: doubt(settled.as_ref(), columns),
         })
     }
+}
+
+/// Why the mean of a history is not that of a settled descent.
+fn doubt(settled: Option<&SettledMean>, columns: &[(String, Vec<f64>)]) -> Option<String> {
+    let Some(settled) = settled else { return Some("it has fewer than 40 windows".into()) };
+    let no_interval = settled.no_interval.as_ref().map(|why| format!("it has no interval, since {why}"));
+    let undeveloped = || {
+        let verdict = Wake::of_history(columns)?.verdict()?;
+        Some(format!("{} [{}]", verdict.figure, verdict.check))
+    };
+    no_interval.or_else(undeveloped)
 }
 
 /// Velocity over ground (m/s) of the undisturbed air at `t` (s since the start of the stage of `wind`) around a frame at `z` (m, relative to
@@ -121,10 +133,34 @@ mod tests {
         assert!((held.expect("windows").air_m_s[0] - 1.5).abs() < 1e-12);
     }
 
+    /// A settled mean of a wake that is still symmetric is not one of a settled descent.
+    #[test]
+    fn undeveloped_wake_is_a_doubt() {
+        let mut columns = history(60.0, false);
+        let windows = columns[0].1.len();
+        assert_eq!(
+            MeanDescent::of_history(&columns, [0.0; 3], |_, _| [0.0; 3]).expect("windows").doubt,
+            None
+        );
+        let passed = (0..windows).map(|k| 1e-2 * k as f64).collect();
+        let constant = |value: f64| vec![value; windows];
+        columns.extend([
+            ("drag_n".into(), constant(1000.0)),
+            ("force_x_n".into(), constant(1.0)),
+            ("force_y_n".into(), constant(0.0)),
+            ("stream_diameters".into(), passed),
+            ("stream_speed_m_s".into(), constant(4.6)),
+        ]);
+        let mean = MeanDescent::of_history(&columns, [0.0; 3], |_, _| [0.0; 3]).expect("windows");
+        assert!(mean.interval_95.is_some(), "{mean:?}");
+        assert!(mean.doubt.as_ref().is_some_and(|why| why.contains("[wake.")), "{mean:?}");
+    }
+
     #[test]
     fn short_stage_gives_the_mean_of_its_last_half_and_says_why() {
         let mean = MeanDescent::of_history(&history(0.4, false), [0.0; 3], |_, _| [0.0; 3]).expect("windows");
         assert_eq!((mean.interval_95, mean.from_s), (None, 0.2));
+        assert_eq!(mean.doubt.as_deref(), Some("it has fewer than 40 windows"));
         let none = vec![("time_s".into(), vec![]), ("descent_speed_m_s".into(), vec![])];
         assert_eq!(MeanDescent::of_history(&none, [0.0; 3], |_, _| [0.0; 3]), None);
     }
