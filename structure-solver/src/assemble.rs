@@ -366,6 +366,12 @@ pub fn nodal(
         let m = m.in_stage(scene, stage, times);
         dynamics.prescribe(&nodes, components, &m.time_s, &m.displacement_m);
     }
+    let first = scene.source_stage(stage, case::Role::Structure).is_none();
+    let turned = scene.payload_body().filter(|b| b.is_released_turned());
+    if let Some(body) = turned.filter(|_| first && s.kind != case::StageKind::Coupled) {
+        let attachments = mesh.node_sets.get("payload").map_or(&[][..], Vec::as_slice);
+        dynamics.turn_payload(body, attachments, 0.5 * s.duration_s);
+    }
     Ok(())
 }
 

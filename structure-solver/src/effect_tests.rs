@@ -14,6 +14,7 @@ use crate::flat::at;
 use crate::loops::FaceLoad;
 use crate::payload::Payload;
 use crate::rigid::BodyState;
+use crate::stream::Stream;
 use mesh::geometry::{Point, Vec3};
 
 pub(crate) const NONE: FaceLoad<'_> = FaceLoad { pressure: &[], traction: &[] };
@@ -87,7 +88,7 @@ fn a_line_across_a_stream_has_the_drag_of_a_cylinder() {
     let lines = DRAG.replace("[lines.drag]", "prestress_pa = 1e8\n[lines.drag]");
     let points = (0..9).map(|i| [0.0, 0.0, f64::from(i)]).collect();
     let mut d = of_mesh(&scene(BAG, &lines, STAGE), chain(points, vec![0, 8]));
-    d.system.set_air([7.0, 0.0, 3.0]);
+    d.system.set_air(&Stream::uniform([7.0, 0.0, 3.0].into()));
     let params = EquilibriumParams { tolerance: 1e-9, ..EquilibriumParams::default() };
     d.equilibrium(NONE, [0.0; 3], params, &mut |_| ()).unwrap_or_else(|e| panic!("{e}"));
     let r = d.reactions(NONE, [0.0; 3]);
@@ -98,6 +99,23 @@ fn a_line_across_a_stream_has_the_drag_of_a_cylinder() {
     assert!((held / exact + 1.0).abs() < 1e-5, "{held} {exact}");
     let x: Vec<f64> = d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
     assert!((d.system.air_force(&x)[0] / exact - 1.0).abs() < 1e-5);
+}
+
+/// A taut line in a wind that grows with height, in a frame 20 m above ground that falls at 3 m/s: each segment has the drag of its height,
+/// across the line with the horizontal part of the air.
+#[test]
+fn a_line_in_a_wind_by_height_has_the_drag_of_each_height() {
+    let lines = DRAG.replace("[lines.drag]", "prestress_pa = 1e8\n[lines.drag]");
+    let points = (0..9).map(|i| [0.0, 0.0, f64::from(i)]).collect();
+    let mut d = of_mesh(&scene(BAG, &lines, STAGE), chain(points, vec![0, 8]));
+    let profile = case::WindProfile::Linear { wind: [6.0, 0.0, 0.0], reference: 20.0, slope: 0.1 };
+    let air = case::AirByHeight::uniform([1.0, 0.0, 0.0]).with_profile(profile);
+    d.system.set_air(&Stream::new(air, 20.0, mesh::geometry::Vec3::new(0.5, 0.0, -3.0)));
+    let x = d.system.model.reference.clone();
+    let wind = |z: f64| 6.0 * (1.0 + 0.1 * z) + 0.5;
+    let exact: f64 = (0..8).map(|i| per_length() * wind(f64::from(i) + 0.5).powi(2)).sum();
+    assert!((d.system.air_force(&x)[0] / exact - 1.0).abs() < 1e-12, "{} {exact}", d.system.air_force(&x)[0]);
+    assert!(exact > 1.4 * 8.0 * per_length() * wind(0.0).powi(2));
 }
 
 /// A line that falls flat through still air: v = v_t tanh(g t / v_t), with implicit and with
@@ -114,7 +132,7 @@ fn a_line_falls_as_a_cylinder() {
         if explicit {
             d.integrate_explicitly(0.5).unwrap_or_else(|e| panic!("{e}"));
         }
-        d.system.set_air([0.0; 3]);
+        d.system.set_air(&Stream::default());
         let g = 9.81;
         d.balance_start(NONE, [0.0, 0.0, -g]).expect("a mass");
         let terminal = (1e-3 * g / per_length()).sqrt();
@@ -240,6 +258,47 @@ fn a_payload_on_a_line_swings_as_two_pendulums() {
         println!("payload on a line: {found:.6} rad/s, exact {w:.6} ({:+.1e})", found / w - 1.0);
         assert!((found / w - 1.0).abs() < 2e-4, "{sign}: {found} {w}");
     }
+}
+
+/// The same two pendulums, released at rest from an attitude: the body is turned about its centre of mass by `phi`, the attachment with it. The motion is that of both modes together.
+#[test]
+fn a_payload_released_at_an_attitude_swings_in_both_modes() {
+    let (m, inertia, b, g) = (1.0, 0.08, 0.4, 9.81);
+    let l = stretched(m * g);
+    let mut mesh = chain(vec![[0.0; 3], [0.0, 0.0, -l]], vec![0, 1]);
+    mesh.cables[0].rest_length = 1.0;
+    mesh.node_sets.insert("payload".into(), vec![1]);
+    let (a11, a12, a22) = (m * l * l, m * l * b, m * b * b + inertia);
+    let (k1, k2) = (m * g * l, m * g * b);
+    let (qa, qb, qc) = (a11 * a22 - a12 * a12, -(a11 * k2 + a22 * k1), k1 * k2);
+    let modes = [-1.0, 1.0].map(|sign| {
+        let w2: f64 = (-qb + sign * (qb * qb - 4.0 * qa * qc).sqrt()) / (2.0 * qa);
+        (w2.sqrt(), (k1 - w2 * a11) / (w2 * a12))
+    });
+    // Angles of line and body (against the vertical, hanging) at the start: the centre of mass stays, l theta = -b phi.
+    let phi = 1e-3;
+    let theta = -b * phi / l;
+    let [(_, s1), (_, s2)] = modes;
+    let shares = [(phi - s2 * theta) / (s1 - s2), (s1 * theta - phi) / (s1 - s2)];
+    let mut d = of_mesh(&scene(BAG, "density_kg_m3 = 1e-6", STAGE), mesh.clone());
+    let payload = Payload::on(&d, &mesh, m, Vec3::repeat(inertia), &[[0.0, 0.0, b]], 0.0);
+    let state =
+        BodyState::start(&payload.body, Vec3::zeros(), Vec3::zeros()).turned_by(Vec3::new(0.0, -phi, 0.0));
+    d.carry(payload, state);
+    d.place_payload();
+    assert!((at(&d.accepted.u, 1)[0] + b * phi).abs() < 1e-9, "{:?}", at(&d.accepted.u, 1));
+    let dt = 2e-3;
+    let mut worst = 0.0f64;
+    for k in 1..=2000 {
+        d.window(dt, 1, FREE, [0.0, 0.0, -g], false).expect("a step");
+        d.accept();
+        let t = dt * f64::from(k);
+        let exact: f64 = modes.iter().zip(shares).map(|((w, s), c)| c * s * (w * t).cos()).sum();
+        let found = -d.accepted.body.expect("a body").turn(Vec3::z())[0];
+        worst = worst.max((found - exact).abs() / phi);
+    }
+    println!("payload released at an attitude: {worst:.1e} of the angle over 4 s");
+    assert!(worst < 3e-3, "{worst}");
 }
 
 /// A body that tumbles with three masses on a line behind it, without weight: momentum and

@@ -32,6 +32,7 @@ pub mod rigid;
 pub mod scheme;
 pub mod snapshot;
 pub mod state_file;
+pub mod stream;
 mod support;
 pub mod system;
 pub mod velocity_average;

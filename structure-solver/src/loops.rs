@@ -15,6 +15,7 @@ use crate::elements::Sheet;
 use crate::elements::mass::MassMatrix;
 use crate::flat::Block;
 use crate::materials::{Regime, Stress};
+use crate::stream::Stream;
 use mesh::geometry::Vec3;
 
 /// Loads on the interface faces at one instant.
@@ -89,7 +90,7 @@ pub trait ElementLoop {
     }
 
     /// Velocity of the undisturbed air in the falling frame, m/s.
-    fn set_air(&mut self, _velocity: Vec3) {}
+    fn set_air(&mut self, _air: &Stream) {}
 
     /// Force of that air (N) on the elements counted on this rank in the last step, which
     /// ended at positions `x` (m).

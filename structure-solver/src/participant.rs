@@ -4,7 +4,7 @@ use std::path::Path;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
-use case::{Integration, Role, Scene, Solve, StageKind, StageTimes, Wind};
+use case::{Integration, Role, Scene, Solve, StageKind, StageTimes};
 use channel::{
     Announcement, Fault, Input, Participant, Stats, Window, structure_stats as stat, surface_hash,
 };
@@ -23,11 +23,12 @@ use crate::newton::State;
 use crate::payload::{self, Log, Payload};
 use crate::snapshot::Pictures;
 use crate::state_file;
+use crate::stream::AirAlongFall;
 use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 34] = [
+const EFFECTS: [&str; 36] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -37,6 +38,8 @@ const EFFECTS: [&str; 34] = [
     channel::GUST_TURBULENCE,
     channel::PERTURBATION,
     channel::STAGE_ALTITUDE,
+    channel::WIND_BY_HEIGHT,
+    channel::PAYLOAD_ATTITUDE,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.law",
@@ -105,7 +108,7 @@ pub struct StructureSolver {
     /// Where the stage looks for the shape at rest: its tolerance.
     rest: Option<f64>,
     /// The undisturbed air, which lines and a free payload meet.
-    wind: Wind,
+    air: AirAlongFall,
 }
 
 impl StructureSolver {
@@ -153,6 +156,9 @@ impl StructureSolver {
             let folder = source.as_ref().and_then(|p| p.parent());
             let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
             dynamics.carry(payload, earlier.unwrap_or(start));
+            if earlier.is_none() {
+                dynamics.place_payload();
+            }
             if comm.is_root() && !resumed {
                 let folder = case::stage_folder(out, scene, stage);
                 let bad = |e| Fault::new(format!("payload.csv in {}: {e}", folder.display()));
@@ -186,7 +192,7 @@ impl StructureSolver {
             energy: EnergyBalance::default(),
             window_energy: WindowEnergy::default(),
             rest: (scene.stages[stage].solve == Solve::Static).then_some(scene.structure.static_tolerance),
-            wind: scene.wind(stage, &times),
+            air: AirAlongFall::new(scene, stage, &times, source.as_ref().and_then(|p| p.parent()))?,
             mesh,
         })
     }
@@ -216,6 +222,7 @@ impl StructureSolver {
             println!("{exact}{}", if lost { format!(", {history}") } else { String::new() });
         }
         self.energy = EnergyBalance::load(folder)?.unwrap_or_default();
+        self.air.load(folder)?;
         self.pictures = Pictures::resume(&stage_folder);
         self.from_rest = false;
         Ok(())
@@ -368,7 +375,7 @@ impl Participant for StructureSolver {
             }
             None => [0.0; 3],
         };
-        self.air(w);
+        self.set_air(w);
         self.start_energy_balance(w);
         let info = match self.rest {
             Some(tolerance) => self.find_rest(tolerance, body)?,
@@ -412,6 +419,7 @@ impl Participant for StructureSolver {
             self.energy.accept(&self.window_energy, averaged);
         }
         self.dynamics.accept();
+        self.air.accept(w);
         self.from_rest = false;
         let written = match (&mut self.log, self.dynamics.payload(), &self.dynamics.accepted.body) {
             (Some(log), Some(p), Some(s)) => log.push(w.time + w.dt, p, s),
@@ -431,8 +439,8 @@ impl Participant for StructureSolver {
             payload::save(&model.comm, body, folder).map_err(Fault::new)?;
         }
         agree(&model.comm, warm_start::save(&self.dynamics, folder).map_err(Fault::new))?;
-        let balance = if model.comm.is_root() { self.energy.save(folder) } else { Ok(()) };
-        agree(&model.comm, balance)?;
+        let common = || self.energy.save(folder).and_then(|()| self.air.save(folder));
+        agree(&model.comm, if model.comm.is_root() { common() } else { Ok(()) })?;
         let u = state_file::gather(
             &model.comm,
             model.numbering.owned(),
@@ -481,17 +489,16 @@ impl StructureSolver {
         self.energy.start(energy, energy::floor(&d.system));
     }
 
-    /// Passes the velocity of the undisturbed air in the falling frame to the elements with air loads.
-    fn air(&mut self, w: &Window) {
+    /// Passes the undisturbed air in the falling frame to the elements with air loads.
+    fn set_air(&mut self, w: &Window) {
         let dynamics = &mut self.dynamics;
         if !(dynamics.system.feels_air() || dynamics.payload.is_some()) {
             return;
         }
-        let wind = self.wind.at(w.time + w.dt);
-        let air = std::array::from_fn(|i| wind[i] - w.frame_velocity[i]);
-        dynamics.system.set_air(air);
+        let air = self.air.at_end(w);
+        dynamics.system.set_air(&air);
         if let Some(p) = &mut dynamics.payload {
-            p.air = air.into();
+            p.air = air;
         }
     }
 

@@ -6,10 +6,11 @@
 //! moved as the body does. That is second order, and stable as long as the body's own frequency
 //! on its lines is below 2 over the step, which for a payload on soft lines it is by far.
 
+use std::f64::consts::PI;
 use std::io::Write;
 use std::path::Path;
 
-use case::Scene;
+use case::{PayloadBody, Scene};
 use mesh::StructureMesh;
 
 use crate::dynamics::Dynamics;
@@ -18,7 +19,11 @@ use crate::loops::{Configuration, FaceLoad};
 use crate::newton::State;
 use crate::rigid::{BodyState, RigidBody};
 use crate::state_file::{StateError, agree};
+use crate::stream::Stream;
 use mesh::geometry::{Point, Vec3};
+
+/// Straight steps of the way of an attachment to the attitude of the release.
+const TURN_STEPS: u32 = 64;
 
 /// A rigid body that carries nodes.
 pub struct Payload {
@@ -34,8 +39,8 @@ pub struct Payload {
     middle: Vec3,
     /// `1/2 rho C A`, kg/m: drag of the air; zero without.
     drag: f64,
-    /// Velocity of the air in the frame, m/s.
-    pub(crate) air: Vec3,
+    /// The air in the frame.
+    pub(crate) air: Stream,
     /// Scratch: forces and accelerations.
     f: Vec<f64>,
     w: Vec<f64>,
@@ -52,7 +57,8 @@ impl Payload {
         let payload =
             Self::on(dynamics, mesh, descent.payload_mass_kg, b.inertia_kg_m2.into(), &b.attachments_m, drag);
         let start =
-            BodyState::start(&payload.body, b.initial_velocity_m_s.into(), b.initial_spin_rad_s.into());
+            BodyState::start(&payload.body, b.initial_velocity_m_s.into(), b.initial_spin_rad_s.into())
+                .turned_by(b.initial_rotation_rad().into());
         Some((payload, start))
     }
 
@@ -96,7 +102,7 @@ impl Payload {
             arms,
             middle,
             drag,
-            air: Vec3::zeros(),
+            air: Stream::default(),
             f: zero(),
             w: zero(),
         }
@@ -115,7 +121,7 @@ impl Payload {
 
     /// Drag of the air on it, N.
     pub fn drag(&self, s: &BodyState) -> Vec3 {
-        let w = self.air - s.v;
+        let w = self.air.at(self.position(s).z) - s.v;
         w * (self.drag * w.norm())
     }
 
@@ -180,6 +186,36 @@ impl Dynamics {
     pub fn carry(&mut self, payload: Payload, state: BodyState) {
         self.accepted.body = Some(state);
         self.payload = Some(payload);
+    }
+
+    /// Puts the attachments of a payload that is released now where its attitude has them.
+    pub fn place_payload(&mut self) {
+        let (Some(p), Some(s)) = (&self.payload, &self.accepted.body) else { return };
+        for (n, x) in p.places(s) {
+            let reference = &self.system.model.reference[3 * n..3 * n + 3];
+            (0..3).for_each(|c| self.accepted.u[3 * n + c] = x[c] - reference[c]);
+        }
+    }
+
+    /// Turns the attachments of a payload that is not free yet to the attitude of its release, along half a cosine within
+    /// `span` seconds. Collective.
+    pub fn turn_payload(&mut self, body: &PayloadBody, nodes: &[u32], span: f64) {
+        let whole = Vec3::from(body.initial_rotation_rad());
+        let upright = BodyState::start(
+            &RigidBody { mass: 1.0, inertia: Vec3::repeat(1.0) },
+            Vec3::zeros(),
+            Vec3::zeros(),
+        );
+        let time: Vec<f64> = (0..=TURN_STEPS).map(|k| span * f64::from(k) / f64::from(TURN_STEPS)).collect();
+        for (node, arm) in nodes.iter().zip(&body.attachments_m) {
+            let arm = Vec3::from(*arm);
+            let at = |k: u32| {
+                let share = 0.5 * (1.0 - (PI * f64::from(k) / f64::from(TURN_STEPS)).cos());
+                (upright.turned_by(whole * share).turn(arm) - arm).into()
+            };
+            let displacement: Vec<[f64; 3]> = (0..=TURN_STEPS).map(at).collect();
+            self.prescribe(&[*node], [true; 3], &time, &displacement);
+        }
     }
 
     /// The rigid payload, if there is one.
@@ -309,7 +345,7 @@ mod tests {
         mesh.node_sets.insert("payload".into(), vec![0, 1]);
         let d = of_mesh(&scene_of(BAG, "density_kg_m3 = 1e-12", STAGE), mesh.clone());
         let mut payload = Payload::on(&d, &mesh, MASS, INERTIA, &ARMS.map(Into::into), DRAG);
-        payload.air = Vec3::new(0.5, 0.1, -0.3);
+        payload.air = Stream::uniform(Vec3::new(0.5, 0.1, -0.3));
         let mut state = BodyState::start(&payload.body, Vec3::new(0.4, -0.7, 1.1), Vec3::new(0.6, -0.9, 0.4));
         // A turn by 1 rad about (2, 1, 2)/3.
         let (s, c) = 0.5f64.sin_cos();
@@ -380,6 +416,52 @@ mod tests {
         assert!((p.work(&from, &to, gravity) - work).abs() < 1e-13);
     }
 
+    /// The attachments of a held payload end where those of the released one start.
+    #[test]
+    fn turned_attachments_meet_the_released_body() {
+        let mut mesh = chain(ARMS.map(|a| (Vec3::new(1.0, 2.0, 3.0) + a).into()).to_vec(), vec![0, 1]);
+        mesh.node_sets.insert("payload".into(), vec![0, 1]);
+        let mut d = of_mesh(&scene_of(BAG, "density_kg_m3 = 1e-12", STAGE), mesh.clone());
+        let arms = ARMS.map(Into::into);
+        let turned = PayloadBody {
+            inertia_kg_m2: INERTIA.into(),
+            attachments_m: arms.to_vec(),
+            initial_velocity_m_s: [0.0; 3],
+            initial_spin_rad_s: [0.0; 3],
+            initial_rotation_deg: [20.0, -35.0, 10.0],
+        };
+        d.turn_payload(&turned, &[0, 1], 0.4);
+        let payload = Payload::on(&d, &mesh, MASS, INERTIA, &arms, 0.0);
+        let state = BodyState::start(&payload.body, Vec3::zeros(), Vec3::zeros())
+            .turned_by(turned.initial_rotation_rad().into());
+        d.carry(payload, state);
+        d.place_payload();
+        for t in [0.4, f64::INFINITY] {
+            for (i, u) in d.motions.iter().flat_map(|m| m.values(t)) {
+                assert!((u - d.accepted.u[i as usize]).abs() < 1e-14, "{t} {i}");
+            }
+        }
+        assert!(d.accepted.u.iter().any(|u| u.abs() > 0.1));
+        // Half a cosine: at half the time half the angle, at the start no velocity.
+        let half: Vec3 = Vec3::from(turned.initial_rotation_rad()) * 0.5;
+        let exact = state.turned_by(half).turn(ARMS[0]) - ARMS[0];
+        let found: Vec<f64> = d.motions[0].values(0.2).map(|(_, u)| u).collect();
+        assert!((Vec3::from_column_slice(&found) - exact).norm() < 1e-14);
+        let first: f64 = d.motions[0].values(1e-3).map(|(_, u)| u * u).sum::<f64>().sqrt();
+        assert!(first < 1e-3 * exact.norm(), "{first}");
+    }
+
+    /// In a wind by height it meets the air at its centre of mass: at 3 - 0.1 m in a frame that is 40 m above ground.
+    #[test]
+    fn drag_is_that_of_the_height() {
+        let (mut p, s) = body();
+        let profile = case::WindProfile::Linear { wind: [10.0, 0.0, 0.0], reference: 42.9, slope: 0.5 };
+        let frame = Vec3::new(0.0, 0.0, -4.0);
+        p.air = Stream::new(case::AirByHeight::default().with_profile(profile), 40.0, frame);
+        let w = Vec3::new(10.0, 0.0, 4.0) - s.v;
+        assert!((p.drag(&s) - w * (DRAG * w.norm())).norm() < 1e-12, "{:?}", p.drag(&s));
+    }
+
     /// Both halves of a step under forces on both attachments, whose own weight is theirs: force, torque about
     /// the centre of mass, and the velocities that they leave.
     #[test]
@@ -393,7 +475,7 @@ mod tests {
         assert!((s.v - v).norm() < 1e-14);
         assert!((s.x - (start.x + (v * h))).norm() < 1e-14);
         let pulls = [Vec3::new(1.0, -2.0, 3.0), Vec3::new(0.5, 0.7, -1.1)];
-        let still = BodyState { v: p.air, ..s };
+        let still = BodyState { v: p.air.at(0.0), ..s };
         for mut s in [s, still] {
             let (before, air) = (s, p.drag(&s));
             p.finish(&mut s, &comm::Comm::solo(), 2, |n| pulls[n], gravity, h);

@@ -71,6 +71,15 @@ impl BodyState {
         }
     }
 
+    /// Turned by a rotation vector (axis times angle, rad).
+    pub fn turned_by(self, rotation: Vec3) -> Self {
+        let angle = rotation.norm();
+        // sin(a/2)/a, also where the angle vanishes.
+        let share = if angle > 0.0 { (0.5 * angle).sin() / angle } else { 0.5 };
+        let v = rotation * share;
+        Self { q: [(0.5 * angle).cos(), v[0], v[1], v[2]], ..self }
+    }
+
     /// A vector of the body's axes in the frame's.
     #[inline]
     pub fn turn(&self, a: Vec3) -> Vec3 {
@@ -148,6 +157,20 @@ impl RigidBody {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A turn by 0.5 rad about (2, 1, 2)/3 by Rodrigues' formula, one by a right angle, and none.
+    #[test]
+    fn a_rotation_vector_turns_about_its_axis() {
+        let body = RigidBody { mass: 1.0, inertia: Vec3::repeat(1.0) };
+        let start = BodyState::start(&body, Vec3::zeros(), Vec3::zeros());
+        let (axis, a) = (Vec3::new(2.0, 1.0, 2.0) / 3.0, Vec3::new(0.3, -0.7, 0.2));
+        let (sin, cos) = 0.5f64.sin_cos();
+        let exact = a * cos + axis.cross(&a) * sin + axis * (axis.dot(&a) * (1.0 - cos));
+        assert!((start.turned_by(axis * 0.5).turn(a) - exact).norm() < 1e-15);
+        let quarter = start.turned_by(Vec3::z() * std::f64::consts::FRAC_PI_2);
+        assert!((quarter.turn(Vec3::x()) - Vec3::y()).norm() < 1e-15);
+        assert_eq!(start.turned_by(Vec3::zeros()), start);
+    }
 
     /// A top without torque, spun about its middle axis, which is unstable: it tumbles.
     #[test]

@@ -8,6 +8,7 @@ use crate::elements::mass::MassMatrix;
 use crate::flat::Block;
 use crate::loops::{Configuration, ELSEWHERE, ElementLoop, FaceLoad};
 use crate::model::Model;
+use crate::stream::Stream;
 use mesh::geometry::Vec3;
 
 /// A block in a constrained row or column.
@@ -189,9 +190,9 @@ impl System {
     }
 
     /// See [`ElementLoop::set_air`].
-    pub fn set_air(&mut self, velocity: [f64; 3]) {
+    pub fn set_air(&mut self, air: &Stream) {
         if self.air {
-            self.loops.iter_mut().for_each(|l| l.set_air(velocity.into()));
+            self.loops.iter_mut().for_each(|l| l.set_air(air));
         }
     }
 

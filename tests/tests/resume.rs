@@ -315,7 +315,7 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
                 [[flow.probe]]\nname = \"near\"\nposition_m = [0.3, 0.2, 0.1]\n\
                 [flow.statistics]\n[[flow.slice]]\nname = \"cut\"\npoint_m = [0, 0, 0]\nnormal = [1, 0, 0]\nevery_windows = 2\n\
                 [fabric.permeability]\nviscous_pa_s_m = 50.0\n\
-                [fabric_gravity]\n\
+                [fabric_gravity]\n[lines.drag]\ndiameter_m = 0.01\n[descent.payload_drag]\ndrag_area_m2 = 0.5\n\
                 [descent.body]\ninertia_kg_m2 = [0.1, 0.1, 0.1]\nattachments_m = [[0, 0, 0.2]]\n";
     let whole = same_in_parts(
         folder.path(),

@@ -206,6 +206,12 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if scene.flow.as_ref().is_some_and(|f| f.body_force() > 0.0) {
         all.push((Role::Flow, channel::BODY_FORCE.to_owned()));
     }
+    if scene.shear().is_some() && scene.structure_meets_wind() {
+        all.push((Role::Structure, channel::WIND_BY_HEIGHT.to_owned()));
+    }
+    if scene.payload_body().is_some_and(case::PayloadBody::is_released_turned) {
+        all.push((Role::Structure, channel::PAYLOAD_ATTITUDE.to_owned()));
+    }
     if matches!(scene.canopy, case::Canopy::Pattern(_)) {
         all.push((Role::Structure, channel::FLAT_SHAPES.to_owned()));
     }
@@ -246,5 +252,24 @@ mod tests {
             }
         }
         assert_eq!(asked(&scene("[stage.perturbation]", ""), Role::Flow, channel::GUST_TURBULENCE), 0);
+    }
+
+    /// A structure that ignores the height or the attitude is refused by name, where either counts.
+    #[test]
+    fn height_and_attitude_are_asked_of_the_structure() {
+        let asked = |more: &str, effect: &str| {
+            let scene = scene("", more);
+            required_effects(&scene).into_iter().filter(|(r, e)| *r == Role::Structure && e == effect).count()
+        };
+        let shear = "[flow.shear]\nstart_height_m = 10.0\nprofile = \"table\"\nheight_m = [0, 9]\ntable_m_s = [[1, 0, 0], [2, 0, 0]]\n";
+        assert_eq!(asked(shear, channel::WIND_BY_HEIGHT), 0);
+        assert_eq!(asked(&format!("{shear}[lines.drag]\n"), channel::WIND_BY_HEIGHT), 1);
+        let body = |turn: f64| {
+            format!(
+                "[fabric_gravity]\n[descent.body]\ninertia_kg_m2 = [1, 1, 1]\nattachments_m = [[0, 0, 0.2]]\n\
+                 initial_rotation_deg = [0, {turn}, 0]\n"
+            )
+        };
+        assert_eq!([0.0, 5.0].map(|turn| asked(&body(turn), channel::PAYLOAD_ATTITUDE)), [0, 1]);
     }
 }

@@ -1,6 +1,6 @@
 //! Coupled stage: structure, mesh, flow and descent (paper, section 5.2).
 
-use case::{Role, Wind};
+use case::{AirMotion, Role};
 use channel::{Window, structure_stats};
 use coupling::assembly::CoupledStage;
 use coupling::balance::{SystemBalance, WindowTerms};
@@ -17,8 +17,10 @@ use super::{StageContext, Stepper};
 pub(super) struct Coupled<'a> {
     interface: &'a CanopyInterface,
     windows: WindowLoop,
-    /// Velocity of the undisturbed air, for the drag of a payload that moves with the frame.
-    wind: Wind,
+    /// The undisturbed air, for the drag of a payload that moves with the frame.
+    undisturbed: AirMotion,
+    /// Height of the release above ground, m; zero where the wind is the same at all heights.
+    release_m: f64,
     start: Vec<f64>,
     /// Interface work of the last window, J: on the structure, by the flow.
     work: (f64, f64),
@@ -35,14 +37,14 @@ impl<'a> Coupled<'a> {
         state: InterfaceState,
         descent: Option<DescentModel>,
     ) -> Self {
-        let air = context.scene.wind(context.stage, &context.times());
+        let undisturbed = context.scene.air_motion(context.stage, &context.times());
         let start = state.displacement.clone();
         let stage = CoupledStage {
             scene: context.scene,
             stage: context.stage,
             interface: context.interface,
             descent,
-            wind_m_s: air.steady(),
+            wind_m_s: undisturbed.wind().steady(),
             accept_unconverged: context.options.accept_unconverged,
         };
         let (windows, lines) = stage.window_loop(state);
@@ -51,7 +53,8 @@ impl<'a> Coupled<'a> {
         Self {
             interface: context.interface,
             windows,
-            wind: air,
+            undisturbed,
+            release_m: context.scene.release_height().unwrap_or(0.0),
             start,
             work: (0.0, 0.0),
             descent,
@@ -103,7 +106,9 @@ impl Stepper for Coupled<'_> {
         // The supports carry the load of a canopy that was fixed until now.
         let known = state.load.as_ref().filter(|_| !self.windows.released());
         let before = known.map(|load| self.interface.force(load, &self.start));
-        self.windows.set_wind(self.wind.at(w.time + w.dt));
+        // The height at the end of the window, but for the change of the speed in it.
+        let height = self.release_m + state.position[2] + velocity[2] * w.dt;
+        self.windows.set_wind(self.undisturbed.at(w.time + w.dt).over_ground(height));
         let report = self.windows.run(partners, w, shorter)?;
         let state = self.windows.state();
         let load = state.load.as_deref().unwrap_or(&[]);

@@ -1,10 +1,11 @@
 //! What a window of a stage gives to its history: drag, wake, motion over ground, energies.
 
-use case::{Canopy, Role, WatchedForce};
+use case::{Canopy, Role, StageKind, WatchedForce};
 use channel::Window;
 use coupling::flow_bounds;
 use coupling::schemes::WindowReport;
 use results::history::{Row, Trajectory};
+use results::mean_descent::air_over_ground;
 use results::wake::{self, Sample};
 
 use super::stage_run::StageRun;
@@ -77,12 +78,14 @@ impl<'c> StageRun<'c, '_> {
             return Some(Trajectory { position_m: state.position, velocity_m_s: state.velocity, air_m_s });
         }
         scene.frame_drifts().then(|| {
-            let wind = scene.wind(context.stage, &context.times());
-            let air = flow_bounds::undisturbed_air(&wind, self.clock.time(), state.velocity);
+            let undisturbed = scene.air_motion(context.stage, &context.times());
+            let air = air_over_ground(scene, &undisturbed, self.clock.time(), state.position[2]);
+            // Positions count from the release.
+            let known = scene.shear().is_none() || context.description().kind == StageKind::Coupled;
             Trajectory {
                 position_m: state.position,
                 velocity_m_s: state.velocity,
-                air_m_s: scene.shear().is_none().then_some(air),
+                air_m_s: known.then(|| std::array::from_fn(|i| air[i] - state.velocity[i])),
             }
         })
     }

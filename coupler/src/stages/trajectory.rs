@@ -1,6 +1,6 @@
 //! Trajectory stage: the frame as a falling mass under a quasi-steady force of the air. No program runs; canopy and load stay as they are.
 
-use case::{StageKind, Wind};
+use case::{AirMotion, StageKind};
 use channel::Window;
 use coupling::descent::DescentModel;
 use coupling::error::RunError;
@@ -17,7 +17,7 @@ use super::{StageContext, Stepper};
 pub(super) struct TrajectoryStage<'c> {
     context: &'c StageContext<'c>,
     mass: FallingMass,
-    wind: Wind,
+    undisturbed: AirMotion,
     state: InterfaceState,
     /// Velocity of the frame at the end of the coupled stage less that of its mean motion, m/s: the swing, which a stage that follows continues.
     fluctuation: Vec3,
@@ -32,11 +32,11 @@ impl<'c> TrajectoryStage<'c> {
         let Some(model) = context.descent() else {
             return Err(RunError::Input("a trajectory needs [descent]".into()));
         };
-        let wind = scene.wind(context.stage, &context.times());
+        let undisturbed = scene.air_motion(context.stage, &context.times());
         let mut this = Self {
             context,
             mass: falling_mass(&model, given_areas(context)),
-            wind,
+            undisturbed,
             state,
             fluctuation: Vec3::zeros(),
             end: None,
@@ -119,7 +119,7 @@ impl<'c> TrajectoryStage<'c> {
     /// Prints what a gust is to this stage.
     fn announce(&self) {
         let stage = self.context.description();
-        if self.wind.gusts(stage.planned_s()) {
+        if self.undisturbed.wind().gusts(stage.planned_s()) {
             self.context.console.warning(&format!(
                 "stage `{}`: the answer to a gust is quasi-steady: without the inertia of the air around the canopy and without swing",
                 stage.name
@@ -146,7 +146,7 @@ impl<'c> TrajectoryStage<'c> {
         let (scene, z) = (self.context.scene, position[2]);
         Air {
             density_kg_m3: scene.density_at(z).unwrap_or_default(),
-            wind_m_s: air_over_ground(scene, &self.wind, t, z).into(),
+            wind_m_s: air_over_ground(scene, &self.undisturbed, t, z).into(),
         }
     }
 }

@@ -5,6 +5,7 @@
 //! then do programs see it, as a [`Scene`] they may rely on. [`Scene::resolved`]
 //! fills in the defaults.
 
+mod air_motion;
 mod atmosphere;
 mod boundaries;
 mod check;
@@ -18,6 +19,7 @@ mod renamed;
 mod scene;
 mod wind;
 
+pub use air_motion::{AirByHeight, AirMotion};
 pub use atmosphere::{ALTITUDES, StandardAir};
 pub use boundaries::{Jump, jumps};
 pub use check::Allowed;

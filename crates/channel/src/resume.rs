@@ -32,6 +32,13 @@ pub const PERTURBATION: &str = "stage.perturbation";
 /// Effect of a program whose air is that of `case::Stage::altitude_m` in stages that have one.
 pub const STAGE_ALTITUDE: &str = "stage.altitude";
 
+/// Effect of a structure whose lines and free payload meet the wind of their height, as `case::Scene::air_motion` defines it. The height
+/// of the frame follows from its velocity.
+pub const WIND_BY_HEIGHT: &str = "flow.shear";
+
+/// Effect of a structure that releases the payload at the attitude of `case::PayloadBody::initial_rotation_deg`.
+pub const PAYLOAD_ATTITUDE: &str = "descent.body.attitude";
+
 /// Effect of a flow whose inlets, outlets and walls have data of their own, as `case::InletValues`, `case::OutletValues` and
 /// `case::MovingWall` define them.
 pub const BOUNDARY_VALUES: &str = "flow.boundary-values";

@@ -215,6 +215,7 @@ fn random(bits: u32, width: f64, speed: f64, mass: f64, viscosity: f64, pressure
             attachments_m: vec![[0.0, 0.0, 0.2]],
             initial_velocity_m_s: [0.0; 3],
             initial_spin_rad_s: [0.0; 3],
+            initial_rotation_deg: [0.0; 3],
         });
     }
     if bit(15) {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use case::{Scene, StageTimes, Wind};
+use case::{AirMotion, Scene, StageTimes};
 use coupling::error::RunError;
 
 use crate::history;
@@ -33,8 +33,8 @@ impl MeanDescent {
     pub fn of_stage(scene: &Scene, out: &Path, stage: usize) -> Result<Self, RunError> {
         let file = case::stage_folder(out, scene, stage).join("history.csv");
         let (columns, _) = history::read_complete_rows(&file)?;
-        let wind = scene.wind(stage, &StageTimes::completed(scene, out, stage));
-        let air = |t: f64, z: f64| air_over_ground(scene, &wind, t, z);
+        let undisturbed = scene.air_motion(stage, &StageTimes::completed(scene, out, stage));
+        let air = |t: f64, z: f64| air_over_ground(scene, &undisturbed, t, z);
         Self::of_history(&columns, scene.resolved().initial_velocity_m_s, air).ok_or_else(|| {
             RunError::Input(format!(
                 "{} has no window whose mean velocity a trajectory could continue: run stage `{}` first, with the same --out",
@@ -89,15 +89,11 @@ fn doubt(settled: Option<&SettledMean>, columns: &[(String, Vec<f64>)]) -> Optio
     no_interval.or_else(undeveloped)
 }
 
-/// Velocity over ground (m/s) of the undisturbed air at `t` (s since the start of the stage of `wind`) around a frame at `z` (m, relative to
+/// Velocity over ground (m/s) of the undisturbed air at `t` (s since the start of the stage of `air`) around a frame at `z` (m, relative to
 /// its release).
-pub fn air_over_ground(scene: &Scene, wind: &Wind, t: f64, z: f64) -> [f64; 3] {
+pub fn air_over_ground(scene: &Scene, air: &AirMotion, t: f64, z: f64) -> [f64; 3] {
     // At the start of a stage the wind is its own.
-    let everywhere = wind.at(t.max(f64::MIN_POSITIVE));
-    let Some((shear, release)) = scene.shear().zip(scene.release_height()) else { return everywhere };
-    let steady = wind.steady();
-    let here = shear.profile_of(steady).at(release + z);
-    std::array::from_fn(|i| everywhere[i] + here[i] - steady[i])
+    air.at(t.max(f64::MIN_POSITIVE)).over_ground(scene.release_height().unwrap_or(0.0) + z)
 }
 
 #[cfg(test)]

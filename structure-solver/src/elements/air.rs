@@ -6,13 +6,16 @@
 //!
 //! with $`w_n`$, $`w_t`$ the parts of the relative air velocity across and along the segment
 //! (cross-flow principle: Hoerner, Fluid-Dynamic Drag, 1965, chapter 3). The velocity of a
-//! segment is the mean of its ends' over the step. The air is that of the far field.
+//! segment is the mean of its ends' over the step. The air is that of the far field, at the height of the segment's middle
+//! ([`Stream`]).
 //!
 //! The tangent holds the derivative by velocities, which is large in short steps; that by the
 //! turn of the segment is left out, being smaller than the lines' stiffness by the ratio of
-//! drag to tension, times the drag's own smallness.
+//! drag to tension, times the drag's own smallness. So is that by the height, smaller by the change of the wind over the
+//! segment's stretch.
 
 use super::{Kernel, Load, Step};
+use crate::stream::Stream;
 use mesh::geometry::{Mat3, Vec3};
 
 /// A cylinder in a stream of the air.
@@ -81,8 +84,8 @@ pub struct Strand {
 /// Drag on segments of lines.
 pub struct LineDrag {
     cylinder: Cylinder,
-    /// Velocity of the air in the falling frame, m/s.
-    air: Vec3,
+    /// The air in the falling frame.
+    air: Stream,
     /// One over the step, 1/s.
     rate: f64,
 }
@@ -90,7 +93,7 @@ pub struct LineDrag {
 impl LineDrag {
     /// In air that moves with the frame.
     pub fn new(cylinder: Cylinder) -> Self {
-        Self { cylinder, air: Vec3::zeros(), rate: 0.0 }
+        Self { cylinder, air: Stream::default(), rate: 0.0 }
     }
 
     /// Vector along a segment at `x`, and the air's velocity past it.
@@ -99,7 +102,7 @@ impl LineDrag {
         let moved = *a - e.start[0] + (*b - e.start[1]);
         // Rate zero stands for air alone: a step without length.
         let own = if self.rate > 0.0 { moved * (0.5 * self.rate) } else { Vec3::zeros() };
-        (x[1] - x[0], self.air - own)
+        (x[1] - x[0], self.air.at(0.5 * (x[0].z + x[1].z)) - own)
     }
 }
 
@@ -108,8 +111,8 @@ impl Kernel<2> for LineDrag {
     const RATE: bool = true;
     const AIR: bool = true;
 
-    fn set_air(&mut self, velocity: Vec3) {
-        self.air = velocity;
+    fn set_air(&mut self, air: &Stream) {
+        self.air = air.clone();
     }
 
     fn air_force(&self, e: &Strand, x: &[Vec3; 2]) -> Vec3 {

@@ -21,6 +21,7 @@ pub(crate) mod check;
 mod step_tests;
 
 use crate::materials::{Regime, Strain, Stress};
+use crate::stream::Stream;
 use mass::MassMatrix;
 use mesh::geometry::{Mat3, Vec3};
 
@@ -167,8 +168,8 @@ pub trait Kernel<const N: usize>: 'static {
     /// Time at the end of the next step, s; see [`crate::loops::ElementLoop::set_time`].
     fn set_time(&mut self, _t: f64) {}
 
-    /// Velocity of the undisturbed air in the falling frame, m/s.
-    fn set_air(&mut self, _velocity: Vec3) {}
+    /// The undisturbed air in the falling frame.
+    fn set_air(&mut self, _air: &Stream) {}
 
     /// Force of that air (N) in the last step, which ended at positions `x` (m).
     fn air_force(&self, _e: &Self::Element, _x: &[Vec3; N]) -> Vec3 {

@@ -7,6 +7,7 @@ use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
 use crate::flat::{Block, at};
 use crate::materials::Regime;
+use crate::stream::Stream;
 use mesh::geometry::Vec3;
 
 struct Element<D, const N: usize> {
@@ -199,8 +200,8 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         K::AIR
     }
 
-    fn set_air(&mut self, velocity: Vec3) {
-        self.kernel.set_air(velocity);
+    fn set_air(&mut self, air: &Stream) {
+        self.kernel.set_air(air);
     }
 
     fn air_force(&self, x: &[f64]) -> Vec3 {

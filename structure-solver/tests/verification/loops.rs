@@ -10,6 +10,7 @@ use structure_solver::elements::reefing::Schedule;
 use structure_solver::loops::{Configuration, ElementLoop, Elements, FaceLoad};
 use structure_solver::materials::{Elastic, KelvinVoigt, StVenantKirchhoff, TensionField, Viscous};
 use structure_solver::model::{Model, Surface};
+use structure_solver::stream::Stream;
 use structure_solver::system::System;
 
 use crate::common::*;
@@ -122,7 +123,7 @@ fn system_of(mesh: &StructureMesh, kind: Kind) -> System {
     let mut system = System::new(model, loops, MassMatrix::Consistent);
     system.set_time(2.05);
     system.set_step(DAMPED[1]);
-    system.set_air([0.7, -0.4, 0.3]);
+    system.set_air(&Stream::uniform([0.7, -0.4, 0.3].into()));
     system
 }
 

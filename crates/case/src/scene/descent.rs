@@ -96,6 +96,23 @@ pub struct PayloadBody {
     /// Angular velocity of the payload when it is first free, about its axes, rad/s.
     #[serde(default)]
     pub initial_spin_rad_s: [f64; 3],
+    /// Attitude of the payload when it is first free: a rotation vector about its centre of mass in the axes of the scene (axis
+    /// times angle, right-handed), degrees. In the first stage of kind `pre-inflation` its attachments turn there along half a
+    /// cosine in half the duration; without such a stage they are there from the start, with the lines that ends so far away have.
+    #[serde(default)]
+    pub initial_rotation_deg: [f64; 3],
+}
+
+impl PayloadBody {
+    /// Rotation vector at the release, rad.
+    pub fn initial_rotation_rad(&self) -> [f64; 3] {
+        self.initial_rotation_deg.map(f64::to_radians)
+    }
+
+    /// Whether the payload is released at another attitude than that of its axes.
+    pub fn is_released_turned(&self) -> bool {
+        self.initial_rotation_deg != [0.0; 3]
+    }
 }
 
 impl Descent {
@@ -148,13 +165,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     if let Some(p) = &d.payload_drag {
         c.positive("descent.payload_drag.drag_area_m2", p.drag_area_m2, 1e4, "an area in m2");
-        if scene.shear().is_some() {
-            c.refuse(
-                "descent.payload_drag",
-                "the drag of the payload knows one wind for all heights, but the wind changes with height",
-                "remove [descent.payload_drag] or [flow.shear]",
-            );
-        }
+        height_is_known(scene, "descent.payload_drag", c);
     }
     if let Some(b) = &d.body {
         shape_of_body(b, c);
@@ -178,6 +189,26 @@ fn heights(height: f64, by_shear: f64, c: &mut Check) {
             format!("the release is {height} m above ground, but the wind is then that of {by_shear:.3} m"),
             "flow.shear.start_height_m is the height when the first stage with flow begins; the frame falls with \
              initial_speed_m_s in the stages before the release: let both meet at the release",
+        );
+    }
+}
+
+/// Refuses drag by `key` in a wind by height where the frame falls with the flow alone after its release: the height counts from the release,
+/// over coupled stages.
+pub(super) fn height_is_known(scene: &Scene, key: &str, c: &mut Check) {
+    let later = scene.stages.iter().skip_while(|s| s.kind != StageKind::Coupled);
+    let alone = later
+        .filter(|s| s.in_time())
+        .find(|s| s.kind.roles().contains(&Role::Flow) && s.kind != StageKind::Coupled);
+    if let (Some(stage), true) = (alone, scene.shear().is_some()) {
+        c.refuse(
+            key,
+            format!(
+                "the wind changes with height, and the height of lines and payload is not known after stage \"{}\", in which the frame \
+                 falls without them",
+                stage.name
+            ),
+            "remove that stage, this drag or [flow.shear]",
         );
     }
 }
@@ -239,6 +270,13 @@ fn shape_of_body(b: &PayloadBody, c: &mut Check) {
             "each is at most the sum of the other two",
         );
     }
+    let turn = b.initial_rotation_deg.iter().map(|x| x * x).sum::<f64>().sqrt();
+    c.range(
+        &format!("{BODY}.initial_rotation_deg"),
+        turn,
+        0.0..=180.0,
+        "the angle of the rotation vector, degrees",
+    );
     let finite = b.attachments_m.iter().all(|a| a.iter().all(|v| v.is_finite() && v.abs() < 100.0));
     if b.attachments_m.is_empty() || !finite {
         c.refuse(
@@ -270,6 +308,14 @@ fn freedom_of_body(scene: &Scene, b: &PayloadBody, c: &mut Check) {
             "the frame follows the payload in all directions, so that the payload has no velocity in it",
             "remove it; the velocity of payload and canopy is descent.initial_drift_m_s and descent.initial_speed_m_s. For a payload \
              that moves in the frame set descent.motion = \"vertical\"",
+        );
+    }
+    let moves = |m: &crate::Motion| m.nodes.as_deref().is_some_and(|n| ["payload", "held"].contains(&n));
+    if b.is_released_turned() && scene.stages.iter().flat_map(|s| &s.motions).any(moves) {
+        c.refuse(
+            &format!("{BODY}.initial_rotation_deg"),
+            "a [[stage.motion]] moves the attachments, which the rotation moves too",
+            "remove that motion or the rotation",
         );
     }
     if !scene.stages.iter().any(|s| s.kind == StageKind::Coupled) {

@@ -136,12 +136,7 @@ fn drag(d: &LineDrag, scene: &Scene, c: &mut Check) {
         c.positive("lines.drag.diameter_m", w, 1.0, "a diameter in metres");
     }
     match &scene.flow {
-        Some(flow) if flow.shear.is_some() => c.refuse(
-            "lines.drag",
-            "the drag of lines knows one wind for all heights, but the wind changes with height",
-            "remove [lines.drag] or [flow.shear]",
-        ),
-        Some(_) => {}
+        Some(_) => super::descent::height_is_known(scene, "lines.drag", c),
         None => c.refuse(
             "lines.drag",
             "lines have drag in air, but the scene has none",

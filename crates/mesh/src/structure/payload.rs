@@ -66,6 +66,7 @@ mod tests {
             attachments_m,
             initial_velocity_m_s: [0.0; 3],
             initial_spin_rad_s: [0.0; 3],
+            initial_rotation_deg: [0.0; 3],
         });
         let mesh = structure_mesh(&s).unwrap();
         assert_eq!(mesh.coords.len(), plain.coords.len() + 3);

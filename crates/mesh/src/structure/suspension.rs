@@ -342,6 +342,7 @@ mod tests {
             attachments_m,
             initial_velocity_m_s: [0.0; 3],
             initial_spin_rad_s: [0.0; 3],
+            initial_rotation_deg: [0.0; 3],
         };
         let attachments = vec![arm(0.2, 0.3), arm(-0.2, 0.3), arm(-0.2, -0.3), arm(0.2, -0.3)];
         s.descent.as_mut().unwrap().body = Some(body(attachments));
@@ -379,6 +380,7 @@ mod tests {
             attachments_m: vec![[0.0, -3.0, 0.0], [0.0, 3.0, 0.0]],
             initial_velocity_m_s: [0.0; 3],
             initial_spin_rad_s: [0.0; 3],
+            initial_rotation_deg: [0.0; 3],
         });
         let error = structure_mesh(&s).unwrap_err().to_string();
         assert!(error.contains("too short to meet"), "{error}");
