@@ -173,6 +173,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             channel::GUST_TURBULENCE,
             channel::PERTURBATION,
             channel::STAGE_ALTITUDE,
+            channel::LAYERED_TURBULENCE,
             channel::BOUNDARY_VALUES,
             channel::PERIODIC,
             channel::BODY_FORCE,

@@ -28,7 +28,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 36] = [
+const EFFECTS: [&str; 37] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -39,6 +39,7 @@ const EFFECTS: [&str; 36] = [
     channel::PERTURBATION,
     channel::STAGE_ALTITUDE,
     channel::WIND_BY_HEIGHT,
+    channel::LAYERED_TURBULENCE,
     channel::PAYLOAD_ATTITUDE,
     "fabric.wrinkling",
     "fabric.orthotropic",

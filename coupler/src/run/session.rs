@@ -186,6 +186,7 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
         (scene.has_turbulent_gust(), channel::GUST_TURBULENCE),
         (scene.has_perturbation(), channel::PERTURBATION),
         (scene.stages.iter().any(|s| s.altitude_m.is_some()), channel::STAGE_ALTITUDE),
+        (scene.shear().is_some_and(|s| s.turbulence.is_some()), channel::LAYERED_TURBULENCE),
     ];
     for (_, effect) in air.into_iter().filter(|(needed, _)| *needed) {
         // The table of effects may ask the flow for it already.
@@ -264,6 +265,9 @@ mod tests {
         let shear = "[flow.shear]\nstart_height_m = 10.0\nprofile = \"table\"\nheight_m = [0, 9]\ntable_m_s = [[1, 0, 0], [2, 0, 0]]\n";
         assert_eq!(asked(shear, channel::WIND_BY_HEIGHT), 0);
         assert_eq!(asked(&format!("{shear}[lines.drag]\n"), channel::WIND_BY_HEIGHT), 1);
+        let turbulent = "turbulence = { rms_m_s = [1, 1], length_m = [9, 9] }\n";
+        let turbulent = [shear, turbulent, "[lines.drag]\n"].concat();
+        assert_eq!(asked(&turbulent, channel::LAYERED_TURBULENCE), 1);
         let body = |turn: f64| {
             format!(
                 "[fabric_gravity]\n[descent.body]\ninertia_kg_m2 = [1, 1, 1]\nattachments_m = [[0, 0, 0.2]]\n\

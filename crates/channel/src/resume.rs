@@ -36,6 +36,9 @@ pub const STAGE_ALTITUDE: &str = "stage.altitude";
 /// of the frame follows from its velocity.
 pub const WIND_BY_HEIGHT: &str = "flow.shear";
 
+/// Effect of a program whose wind by height contains the turbulence of `case::Shear`.
+pub const LAYERED_TURBULENCE: &str = "flow.shear.turbulence";
+
 /// Effect of a structure that releases the payload at the attitude of `case::PayloadBody::initial_rotation_deg`.
 pub const PAYLOAD_ATTITUDE: &str = "descent.body.attitude";
 

@@ -60,7 +60,8 @@ pub const CHECKS: &[Check] = &[
         id: "stages.gust-period",
         what: "windows resolve the period of a gust that repeats, or of turbulence",
         estimate: "period of the gust over window_s, in stages with flow that the gust overlaps; of a train of pulses the \
-                   duration of a pulse, of turbulence the period below which lies 1 % of the variance across the passage",
+                   duration of a pulse, of turbulence (also of [flow.shear.turbulence] in a fall at the initial speed) the period below \
+                   which lies 1 % of the variance across the passage",
         range: "warning below 20 windows in a period; otherwise a note",
         source: "the second-order time differences change the frequency omega of a response by (omega dt)^2 / 3, 3.3 % at 20 \
                  windows in a period",
@@ -143,21 +144,27 @@ fn gust_period(facts: &Facts<'_>) -> Vec<Judged> {
     let (scene, times) = (facts.scene, StageTimes::planned(facts.scene));
     let mut found = Vec::new();
     for (k, stage) in facts.stages().filter(|(_, s)| s.kind.roles().contains(&Role::Flow) && s.in_time()) {
-        let period = scene.gust(k).and_then(|(gust, _)| gust.shortest_period());
-        let Some(period) = period.filter(|_| scene.wind(k, &times).gusts(times.of(k))) else { continue };
-        let windows = period / stage.window_s;
-        let severity = if windows < WINDOWS_PER_PERIOD { Warning } else { Note };
-        let turbulent = scene.gust(k).is_some_and(|(gust, _)| gust.shape == case::GustShape::Dryden);
-        let meaning = if turbulent { ", below which lies 1 % of the variance of the turbulence" } else { "" };
-        let figure = format!(
-            "stage `{}` has {} windows in the gust's period of {} s{meaning}",
-            stage.name,
-            digits(windows),
-            digits(period)
-        );
-        let longest = digits(period / WINDOWS_PER_PERIOD);
-        let remedy = format!("set window_s of the stage to {longest} s or less");
-        found.push(Judged::new(severity, format!("stage[{k}].window_s"), figure).remedy(remedy));
+        let gust = scene.gust(k).filter(|_| scene.wind(k, &times).gusts(times.of(k)));
+        let turbulent = gust.is_some_and(|(gust, _)| gust.shape == case::GustShape::Dryden);
+        let gust = gust.and_then(|(gust, _)| gust.shortest_period()).map(|p| (p, "the gust's", turbulent));
+        let fall = scene.resolved().initial_velocity_m_s[2].abs();
+        let layered = scene.shear().and_then(|s| s.turbulence.as_ref()?.shortest_period(fall));
+        let layered = layered.map(|p| (p, "the fall's", true));
+        for (period, whose, turbulent) in gust.into_iter().chain(layered) {
+            let windows = period / stage.window_s;
+            let severity = if windows < WINDOWS_PER_PERIOD { Warning } else { Note };
+            let meaning =
+                if turbulent { ", below which lies 1 % of the variance of the turbulence" } else { "" };
+            let figure = format!(
+                "stage `{}` has {} windows in {whose} period of {} s{meaning}",
+                stage.name,
+                digits(windows),
+                digits(period)
+            );
+            let longest = digits(period / WINDOWS_PER_PERIOD);
+            let remedy = format!("set window_s of the stage to {longest} s or less");
+            found.push(Judged::new(severity, format!("stage[{k}].window_s"), figure).remedy(remedy));
+        }
     }
     found
 }

@@ -91,6 +91,7 @@ mod tests {
             slope_per_m: 0.01,
             height_m: vec![0.0, 10.0, 30.0],
             table_m_s: vec![[0.0; 3], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]],
+            turbulence: None,
         }
     }
 

@@ -528,6 +528,7 @@ impl Participant for ImmersedParticipant {
             channel::GUST_TURBULENCE,
             channel::PERTURBATION,
             channel::STAGE_ALTITUDE,
+            channel::LAYERED_TURBULENCE,
             "fabric.permeability",
             "coupling.adaptive",
         ];

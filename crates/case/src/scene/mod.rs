@@ -90,7 +90,7 @@ pub use programs::{Ranks, Role};
 pub use reefing::Reefing;
 pub use resolved::{CanopyAir, Resolved, UndisturbedAir};
 pub use schema::schema;
-pub use shear::{Shear, ShearProfile, WindProfile};
+pub use shear::{FrozenTurbulence, LayeredTurbulence, Shear, ShearProfile, WindProfile};
 pub use stages::{Discretisation, Solve, Stage, StageKind};
 pub use steady::Steady;
 pub use structure::{Integration, Mass, Membrane, Structure};

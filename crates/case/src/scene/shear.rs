@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::dryden::{Dryden, DrydenTurbulence, SMALL};
 use crate::Flow;
 use crate::check::Check;
 
@@ -35,6 +36,57 @@ pub struct Shear {
     /// Wind at each height of the table, m/s; linear in between, constant beyond.
     #[serde(default)]
     pub table_m_s: Vec<[f64; 3]>,
+    /// Frozen turbulence that the frame falls through, added to the profile. Absent: none.
+    pub turbulence: Option<LayeredTurbulence>,
+}
+
+/// Horizontal turbulence that changes with height and not in time: the transverse Dryden spectrum of MIL-F-8785C over the height. Canopy, lines and
+/// payload each meet the air of their own height. The vertical component is left out: one that changes with height alone would not
+/// conserve mass.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayeredTurbulence {
+    /// Root mean square along x and y, m/s.
+    pub rms_m_s: [f64; 2],
+    /// Length scales of both, m.
+    pub length_m: [f64; 2],
+    /// Chooses wave numbers and phases: each seed another wind, the same in each run.
+    #[serde(default = "first_seed")]
+    pub seed: u32,
+}
+
+fn first_seed() -> u32 {
+    1
+}
+
+impl LayeredTurbulence {
+    /// Period (s) below which lies 1 % of the variance in a fall at `speed` (m/s): the shorter of both components.
+    pub fn shortest_period(&self, speed: f64) -> Option<f64> {
+        let moving = self.length_m.iter().zip(self.rms_m_s).filter(|(_, rms)| *rms > 0.0);
+        let shortest = moving.map(|(length, _)| *length).reduce(f64::min)?;
+        (speed > 0.0).then(|| std::f64::consts::TAU * shortest / (SMALL * speed))
+    }
+
+    fn compiled(&self) -> FrozenTurbulence {
+        let [[x, y], [along, across]] = [self.rms_m_s, self.length_m];
+        FrozenTurbulence(DrydenTurbulence::new(&Dryden {
+            rms: [x, y, 0.0],
+            lengths: [along, across, along],
+            speed: 1.0,
+            along: 2,
+            seed: self.seed,
+        }))
+    }
+
+    fn check(&self, c: &mut Check) {
+        let at = |key: &str| format!("flow.shear.turbulence.{key}");
+        for rms in self.rms_m_s {
+            c.range(&at("rms_m_s"), rms, 0.0..=100.0, "m/s");
+        }
+        for length in self.length_m {
+            c.positive(&at("length_m"), length, 1e5, "a length in m");
+        }
+    }
 }
 
 fn ten_metres() -> f64 {
@@ -90,6 +142,9 @@ pub(super) fn check(s: &Shear, flow: &Flow, c: &mut Check) {
         ShearProfile::Table => {}
     }
     heights(s, c);
+    if let Some(t) = &s.turbulence {
+        t.check(c);
+    }
 }
 
 fn heights(s: &Shear, c: &mut Check) {
@@ -147,6 +202,24 @@ pub enum WindProfile {
         /// Wind at each, m/s.
         winds: Vec<[f64; 3]>,
     },
+    /// Another profile with turbulence.
+    Turbulent {
+        /// The profile.
+        mean: Box<WindProfile>,
+        /// What is added.
+        turbulence: FrozenTurbulence,
+    },
+}
+
+/// [`LayeredTurbulence`] as a function of height.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrozenTurbulence(DrydenTurbulence);
+
+impl FrozenTurbulence {
+    /// Velocity at `height` (m), m/s.
+    pub fn at(&self, height: f64) -> [f64; 3] {
+        self.0.at(height)
+    }
 }
 
 impl WindProfile {
@@ -161,6 +234,10 @@ impl WindProfile {
             }
             Self::Linear { wind, reference, slope } => (1.0 + slope * (height - reference), wind),
             Self::Table { heights, winds } => return in_table(heights, winds, height),
+            Self::Turbulent { mean, turbulence } => {
+                let (mean, more) = (mean.at(height), turbulence.at(height));
+                return std::array::from_fn(|i| mean[i] + more[i]);
+            }
         };
         wind.map(|w| factor * w)
     }
@@ -179,6 +256,14 @@ fn in_table(heights: &[f64], winds: &[[f64; 3]], height: f64) -> [f64; 3] {
 impl Shear {
     /// The law of this shear; `wind` (m/s) blows at the reference height, and a table gives its own.
     pub fn profile_of(&self, wind: [f64; 3]) -> WindProfile {
+        let mean = self.mean_profile(wind);
+        match &self.turbulence {
+            None => mean,
+            Some(t) => WindProfile::Turbulent { mean: Box::new(mean), turbulence: t.compiled() },
+        }
+    }
+
+    fn mean_profile(&self, wind: [f64; 3]) -> WindProfile {
         let reference = self.reference_height_m;
         match self.profile {
             ShearProfile::Power => WindProfile::Power { wind, reference, exponent: self.exponent },
@@ -209,5 +294,51 @@ mod tests {
         assert_eq!(table.at(5.0), [2.0, 1.0, 0.0]);
         assert_eq!(table.at(20.0), [4.0, 3.0, 0.0]);
         assert_eq!((table.at(-1.0), table.at(99.0)), ([0.0; 3], [4.0, 4.0, 0.0]));
+    }
+
+    /// Turbulence is added to the profile: its means over 1e7 length scales are those of the profile, its variance that of the key (to the
+    /// 0.13 % outside of the bands and the 1 % of a mean over 20 000 places), its correlation over a length across the fall is half of `1/e`. None along the fall.
+    #[test]
+    fn frozen_turbulence_has_the_statistics_of_its_spectrum() {
+        let turbulence = LayeredTurbulence { rms_m_s: [2.0, 0.5], length_m: [40.0, 15.0], seed: 3 };
+        let shear = Shear {
+            start_height_m: 100.0,
+            profile: ShearProfile::Linear,
+            reference_height_m: 10.0,
+            exponent: 0.0,
+            roughness_m: 0.1,
+            slope_per_m: 0.0,
+            height_m: vec![],
+            table_m_s: vec![],
+            turbulence: Some(turbulence.clone()),
+        };
+        let wind = shear.profile_of([6.0, -1.0, 0.3]);
+        let mut random = crate::scene::random::SplitMix::new(5);
+        let (mut mean, mut products) = ([0.0; 3], [[0.0; 2]; 2]);
+        let samples = 20_000;
+        for _ in 0..samples {
+            let z = 1e7 * random.share();
+            let here = wind.at(z);
+            assert_eq!(here[2], 0.3);
+            for i in 0..3 {
+                mean[i] += here[i] / f64::from(samples);
+            }
+            for i in 0..2 {
+                let (base, rms) = ([6.0, -1.0][i], turbulence.rms_m_s[i]);
+                let above = wind.at(z + turbulence.length_m[i])[i] - base;
+                for (k, other) in [here[i] - base, above].into_iter().enumerate() {
+                    products[i][k] += (here[i] - base) * other / (rms * rms * f64::from(samples));
+                }
+            }
+        }
+        let exact = [1.0, 0.5 * (-1.0f64).exp()];
+        for i in 0..2 {
+            assert!((mean[i] - [6.0, -1.0][i]).abs() < 0.03 * turbulence.rms_m_s[i], "{mean:?}");
+            for k in 0..2 {
+                assert!((products[i][k] - exact[k]).abs() < 0.04, "{i} {k} {products:?}");
+            }
+        }
+        let other = Shear { turbulence: Some(LayeredTurbulence { seed: 4, ..turbulence }), ..shear };
+        assert_ne!(other.profile_of([6.0, -1.0, 0.3]).at(50.0), wind.at(50.0));
     }
 }
