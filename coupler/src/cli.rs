@@ -378,7 +378,7 @@ fn run_scene(
             console.line(&stage.table());
         }
     }
-    Ok(())
+    if summary.stages.iter().any(|stage| stage.deviates) { Err(RunError::Differs) } else { Ok(()) }
 }
 
 /// Adds the command that resumes the run to its error.

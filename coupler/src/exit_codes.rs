@@ -14,7 +14,7 @@ exit_codes! {
     0, "success";
     1, "the run or the study failed; results up to the failure are kept";
     2, "the scene or the command line is invalid; no program was started";
-    3, "a comparison found a difference (diff, replay, accuracy), or a conformance test failed (conform)";
+    3, "a comparison found a difference (diff, replay, run --baseline, accuracy), or a conformance test failed (conform)";
     130, "interrupted by Ctrl-C or a termination signal: the current window was completed and saved, and \
           `ripstop run --resume` continues the run; a second signal ends the run immediately without saving";
 }
@@ -31,6 +31,7 @@ mod tests {
             RunError::Input(String::new()),
             RunError::Interrupted(Default::default()),
             RunError::Differs,
+            RunError::Deviates { place: Default::default(), message: String::new() },
             RunError::Study(String::new()),
             RunError::Channel { place: Default::default(), message: String::new() },
         ];

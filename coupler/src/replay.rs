@@ -291,11 +291,16 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
     let mut comparison = Comparison::new(args.tolerance).judging_counts(args.iteration_tolerance);
     let reader = Reader::open(&session.file)?;
     let canopy = &session.prepared.interface;
-    session.run(stop, console, |partners| send_requests(partners, role, reader, canopy, &mut comparison))?;
+    let program = session.run(stop, console, |partners| {
+        let program = partners.announced(role);
+        send_requests(partners, role, reader, canopy, &mut comparison).map(|()| program)
+    })?;
     if args.out.is_some() {
         crate::diff_command::write(&session.out, &session.stage, &comparison)?;
     }
-    let report = format!("stage `{}`, {}: {}", session.stage, role.program(), comparison.report());
+    let command = if command.is_empty() { String::new() } else { format!(" ({command})") };
+    let program = program.unwrap_or_else(|| role.program().into());
+    let report = format!("stage `{}`, {program}{command}: {}", session.stage, comparison.report());
     Ok((comparison.same(), report))
 }
 

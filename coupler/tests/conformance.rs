@@ -213,10 +213,13 @@ fn each_flaw_fails_its_tests() {
     let flaws: [(&str, &[&str]); 10] = [
         ("none", &[]),
         ("no-rollback", &["repeatability", "rollback"]),
-        ("stale", &["next window", "stage restart", "resume"]),
+        (
+            "stale",
+            &["next window", "stage restart", "resume", "own input", "recorded reply", "response", "faces"],
+        ),
         ("no-restore", &["stage restart", "resume"]),
         ("no-resume", &["resume"]),
-        ("substeps", &["substeps"]),
+        ("substeps", &["substeps", "recorded reply", "response", "faces"]),
         ("extreme", &["extreme input"]),
         ("nan", &["finite reply"]),
         ("panic", &["finite reply"]),

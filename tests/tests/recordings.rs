@@ -28,6 +28,66 @@ fn path(p: &Path) -> &str {
     p.to_str().expect("UTF-8")
 }
 
+/// `ripstop conform` names what is wrong with a program that keeps the protocol, from a recording of sound programs alone.
+#[test]
+fn conform_names_wrong_answers() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let recording = record(&scene("square-drop"), folder.path(), "sound");
+    let mut unnamed = Vec::new();
+    let late = ("own input", "one window late");
+    let also_late = ("recorded reply", "one window late");
+    let opposite = ("recorded reply", "is the opposite of the recorded one, where other faces agree");
+    let cases: [(&str, &str, &[(&str, &str)]); 11] = [
+        ("structure", "late", &[late, also_late]),
+        (
+            "structure",
+            "thousand",
+            &[
+                ("recorded reply", "millimetres instead of metres"),
+                ("response", "times as far as free fabric"),
+            ],
+        ),
+        ("structure", "reversed", &[("response", "moves against the pressure")]),
+        ("structure", "normal", &[("faces", "face 72 moves against a pressure on it")]),
+        ("mesh", "late", &[late, also_late]),
+        (
+            "mesh",
+            "thousand",
+            &[
+                ("recorded reply", "millimetres instead of metres"),
+                ("response", "those on the canopy follow it"),
+            ],
+        ),
+        ("mesh", "still", &[("response", "positions and velocities do not agree")]),
+        ("flow", "late", &[late, also_late]),
+        ("flow", "thousand", &[("recorded reply", "kilopascals instead of pascals")]),
+        ("flow", "reversed", &[("recorded reply", "inside minus outside"), ("response", "air must resist")]),
+        ("flow", "normal", &[opposite]),
+    ];
+    for (role, fault, says) in cases {
+        let command = format!("{} {role} {fault} always 0", program("faulty").display());
+        let mut words = vec!["conform", role, path(&recording), "--command", &command];
+        says.iter().for_each(|(test, _)| words.extend(["--only", test]));
+        let output = ripstop(&words).output().expect("it starts");
+        let said = text(&output);
+        for (test, sentence) in says {
+            let line = said.lines().find(|l| l.contains(&format!("FAILED   {test} "))).unwrap_or_default();
+            println!("{role} {fault}: {}", line.trim());
+            if output.status.code() != Some(3) || !line.contains(sentence) {
+                unnamed.push(format!("{role} {fault}: `{test}` does not say `{sentence}`:\n{said}"));
+            }
+        }
+    }
+    assert!(unnamed.is_empty(), "{}", unnamed.join("\n"));
+    let words = ["conform", "flow", path(&recording), "--only", "answer"];
+    let output = ripstop(&words).output().expect("it starts");
+    assert!(
+        output.status.code() == Some(2) && text(&output).contains("the tests are handshake"),
+        "{}",
+        text(&output)
+    );
+}
+
 /// Each program of this build, replayed with the recording of its partners, reproduces its results bitwise; the flow on
 /// another number of ranks within the effect of its solver tolerance on the pressure (at most 6.3e-5 relative, on 1 and 3
 /// ranks). Each passes all conformance checks.
@@ -102,9 +162,16 @@ fn first_deviation_is_reported_by_channel_and_window() {
 
     let words = ["--baseline", path(&reference), "--stop-at-deviation", "--stop-after-windows", "2"];
     let output = ripstop_run(&changed, &folder.path().join("c"), &words).output().expect("it starts");
-    assert_eq!(output.status.code(), Some(1), "{}", text(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
     let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run deviates from its baseline";
     assert!(text(&output).contains(says), "{}", text(&output));
+    // Without that option the run is complete, and says so with the same code.
+    let words = ["--baseline", path(&reference), "--stop-after-windows", "2"];
+    let output = ripstop_run(&changed, &folder.path().join("e"), &words).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(3), "{}", text(&output));
+    let said = text(&output);
+    assert!(said.contains("deviates from its baseline") && said.contains("descent: "), "{said}");
+    assert!(folder.path().join("e/descent/history.csv").is_file());
     // The unchanged scene agrees bitwise.
     let words = [
         "--baseline",

@@ -135,10 +135,21 @@ impl<'a> HubPartners<'a> {
         self.now = Some(now);
     }
 
+    /// Name and version that the program of `role` announced.
+    pub fn announced(&self, role: Role) -> Option<String> {
+        self.hub.announcement(role).map(|a| format!("{} {}", a.program, a.version))
+    }
+
     /// Whether the program of `role` supports restart within a stage.
     pub fn resumes(&self, role: Role) -> bool {
         let announced = self.hub.announcement(role);
         announced.is_none_or(|a| a.effects.iter().any(|e| e == channel::RESUME))
+    }
+
+    /// Whether the program of `role` accepts windows of another length than the one before.
+    pub fn varies_windows(&self, role: Role) -> bool {
+        let announced = self.hub.announcement(role);
+        announced.is_none_or(|a| a.effects.iter().any(|e| e == partners::VARIABLE_WINDOWS))
     }
 
     /// Ends the session normally; returns processor time and memory of the programs by role.

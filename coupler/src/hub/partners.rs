@@ -12,7 +12,7 @@ use super::HubPartners;
 use super::failure::grid_motion_failure;
 
 /// Effect of a program that can retry a window with another length.
-const VARIABLE_WINDOWS: &str = "coupling.adaptive";
+pub(super) const VARIABLE_WINDOWS: &str = "coupling.adaptive";
 
 /// Copies rows of `width` values to their indices in `all`.
 pub(super) fn scatter(rows: &[u64], data: &[f64], width: usize, all: &mut [f64]) {
@@ -110,8 +110,7 @@ impl Partners for HubPartners<'_> {
     fn fixed_windows(&self) -> Vec<String> {
         let fixed = |role: &Role| {
             let a = self.hub.announcement(*role)?;
-            let varies = a.effects.iter().any(|e| e == VARIABLE_WINDOWS);
-            (!varies).then(|| format!("{} ({})", role.program(), a.program))
+            (!self.varies_windows(*role)).then(|| format!("{} ({})", role.program(), a.program))
         };
         Role::ALL.iter().filter_map(fixed).collect()
     }

@@ -62,6 +62,7 @@ impl Exchange<'_> {
         let ended = self.recorded(compared).map(Baseline::into_partners);
         context.console.line(&format!("stage `{name}` compared with its baseline: {}", comparison.report()));
         crate::diff_command::write(context.out, name, &comparison)?;
+        self.summary.deviates = !comparison.same();
         ended
     }
 

@@ -86,6 +86,11 @@ const CLASSES: &[(&str, &str, &str)] = &[
         "Follow the message: same scene and version for all programs, more room in `/dev/shm`.",
     ),
     (
+        "Deviates",
+        "With `--stop-at-deviation`, a message of a program or of the coupler differs from the baseline by more than the tolerance.",
+        "Read which channel deviates first: its inputs agree up to there. Another tolerance is `--tolerance`.",
+    ),
+    (
         "Differs",
         "A comparison found a difference, or a program breaks the contract.",
         "Read the report above the message.",

@@ -185,6 +185,14 @@ pub enum RunError {
         /// The channel's message.
         message: String,
     },
+    /// A run that was to end where it deviates from its baseline.
+    #[error("{place}: the run deviates from its baseline: {message}")]
+    Deviates {
+        /// Where.
+        place: Location,
+        /// The first deviation.
+        message: String,
+    },
     /// A comparison failed or a program violated the contract; the report is already printed.
     #[error("comparison failed or contract violated; see above")]
     Differs,
@@ -280,7 +288,7 @@ impl RunError {
             Self::Input(_) => 2,
             Self::Interrupted(_) => 130,
             Self::Resumable { error, .. } => error.exit_code(),
-            Self::Differs => 3,
+            Self::Differs | Self::Deviates { .. } => 3,
             _ => 1,
         }
     }

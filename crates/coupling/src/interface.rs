@@ -148,7 +148,17 @@ impl CanopyInterface {
     /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps (`wall_shares`); traction
     /// on the area at the end, shared equally by the corners.
     pub fn work(&self, load: &[f64], start: &[f64], end: &[f64]) -> f64 {
-        let work = |(face, load): (&[u32; 4], &[f64])| {
+        self.works(load, start, end).sum()
+    }
+
+    /// The same of each face.
+    pub fn works<'a>(
+        &'a self,
+        load: &'a [f64],
+        start: &'a [f64],
+        end: &'a [f64],
+    ) -> impl Iterator<Item = f64> + 'a {
+        let work = move |(face, load): (&[u32; 4], &[f64])| {
             let [from, to] = [start, end].map(|d| self.corners(face, d));
             let moved: [Vec3; 4] = std::array::from_fn(|n| to[n] - from[n]);
             let middle = std::array::from_fn(|n| 0.5 * (from[n] + to[n]));
@@ -161,7 +171,7 @@ impl CanopyInterface {
             let area = quad_area_vector(to);
             load[0] * swept + area.norm() * Vec3::new(load[1], load[2], load[3]).dot(&mean)
         };
-        self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)).map(work).sum()
+        self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH)).map(work)
     }
 
     /// Mean pressure jump (Pa) of `load` (`[faces][LOAD_WIDTH]`, Pa) over the canopy displaced by
@@ -174,6 +184,11 @@ impl CanopyInterface {
             area += size;
         }
         (area > 0.0).then(|| force / area)
+    }
+
+    /// Area (m2) of the shape with `displacement` (`[nodes][3]`, m).
+    pub fn area(&self, displacement: &[f64]) -> f64 {
+        self.faces.iter().map(|face| quad_area_vector(self.corners(face, displacement)).norm()).sum()
     }
 
     /// Area (m2) of the shape with `displacement` (`[nodes][3]`, m) projected on a horizontal plane: of the faces that look upwards.

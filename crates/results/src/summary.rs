@@ -37,6 +37,9 @@ pub struct StageSummary {
     pub name: String,
     /// Kind of the stage.
     pub kind: StageKind,
+    /// Whether a message deviates from the baseline of the run.
+    #[serde(skip)]
+    pub deviates: bool,
     /// Completed windows.
     pub windows: u64,
     /// Simulated time, s.
@@ -183,6 +186,7 @@ impl StageSummary {
         Self {
             name: stage.name.clone(),
             kind: stage.kind,
+            deviates: false,
             windows: 0,
             time_s: 0.0,
             ended: "complete".into(),

@@ -1,7 +1,8 @@
 //! A solver program with a fault at a defined moment, for the fault matrix.
 //!
 //! `faulty ROLE FAULT MOMENT RANK <arguments of the coupler>` is the real solver of the
-//! role under MPI, whose participant is wrapped: the rank triggers the fault at the moment.
+//! role under MPI, whose participant is wrapped: the rank triggers the fault at the moment. With the moment `always` each answer
+//! of each rank is wrong: what `ripstop conform` must name.
 
 use std::path::Path;
 use std::time::Duration;
@@ -137,6 +138,95 @@ impl Participant for Saboteur<'_> {
     }
 }
 
+/// A participant whose answers are all wrong in the same way.
+struct Wrong<'a> {
+    inner: &'a mut dyn Participant,
+    fault: String,
+    root: bool,
+    /// The accepted answer of the window before, and the present one.
+    before: Option<Vec<f64>>,
+    now: Vec<f64>,
+}
+
+impl Wrong<'_> {
+    /// Columns of the pressure in the input of a structure: at the start and at the end of the window.
+    const PRESSURES: [usize; 2] = [0, 4];
+
+    /// The input as the fault has it.
+    fn input(&self, canopy: &[f64]) -> Vec<f64> {
+        let mut load = canopy.to_vec();
+        let structure = self.inner.announce().role == "structure";
+        let faces = load.len() / 8;
+        let wrong = |face: usize| match self.fault.as_str() {
+            "reversed" => true,
+            "normal" => face == faces / 2,
+            _ => false,
+        };
+        if structure {
+            for (_, row) in load.chunks_exact_mut(8).enumerate().filter(|(face, _)| wrong(*face)) {
+                Self::PRESSURES.iter().for_each(|k| row[*k] = -row[*k]);
+            }
+        }
+        load
+    }
+
+    /// Spoils an answer.
+    fn spoil(&mut self, output: &mut [f64]) {
+        let announced = self.inner.announce();
+        let width = announced.output_width as usize;
+        let flow = announced.role == "flow";
+        self.now = output.to_vec();
+        match self.fault.as_str() {
+            "late" => output.copy_from_slice(self.before.get_or_insert_with(|| self.now.clone())),
+            "thousand" if flow => output.iter_mut().for_each(|p| *p *= 1e-3),
+            "thousand" => {
+                output.chunks_exact_mut(width).flat_map(|row| &mut row[..3]).for_each(|x| *x *= 1e3)
+            }
+            "still" => output.chunks_exact_mut(width).flat_map(|row| &mut row[3..]).for_each(|v| *v = 0.0),
+            "reversed" if flow => output.iter_mut().for_each(|p| *p = -*p),
+            "normal" if flow && self.root => {
+                let row = output.len() / width / 2 * width;
+                output[row] = -output[row];
+            }
+            _ => {}
+        }
+    }
+}
+
+impl Participant for Wrong<'_> {
+    fn announce(&self) -> Announcement {
+        self.inner.announce()
+    }
+
+    fn output_rows(&self) -> Vec<u64> {
+        self.inner.output_rows()
+    }
+
+    fn grid_rows(&self) -> Vec<u64> {
+        self.inner.grid_rows()
+    }
+
+    fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
+        let canopy = self.input(input.canopy);
+        let stats = self.inner.advance(w, &Input { canopy: &canopy, grid: input.grid }, output)?;
+        self.spoil(output);
+        Ok(stats)
+    }
+
+    fn accept(&mut self, w: &Window) -> Result<(), Fault> {
+        self.before = Some(self.now.clone());
+        self.inner.accept(w)
+    }
+
+    fn save(&mut self, folder: &Path) -> Result<(), Fault> {
+        self.inner.save(folder)
+    }
+
+    fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
+        self.inner.snapshot(time, folder)
+    }
+}
+
 fn main() {
     let mut words: Vec<_> = std::env::args_os().collect();
     let own: Vec<String> = words.drain(1..5).map(|w| w.to_string_lossy().into_owned()).collect();
@@ -177,6 +267,9 @@ fn work(role: Role, plan: &Plan, args: &ProgramArgs) -> Result<(), String> {
         (|x| comm.all_gather_u64(x), |to, x: &[f64]| comm.send(to, x), |from| comm.poll(from));
     let peers = channel::Peers { gather: &gather, send: &send, poll: &poll };
     let served = |inner: &mut dyn Participant| {
+        let (fault, root) = (plan.fault.clone(), comm.is_root());
+        let mut wrong = Wrong { inner, fault, root, before: None, now: Vec::new() };
+        let inner = if plan.moment == "always" { &mut wrong as &mut dyn Participant } else { wrong.inner };
         let mut saboteur = Saboteur { inner, harm: harm.into() };
         let end = channel::serve_across(&mut saboteur, &at, &peers).map_err(|e| e.to_string());
         end.map(|_| saboteur.harm.into_inner())

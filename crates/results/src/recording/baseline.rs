@@ -80,9 +80,9 @@ impl Observer for Reference<'_> {
             self.comparison.other_iterations.get_or_insert((index, [most, w.iteration + 1]));
         }
         match &self.comparison.deviation() {
-            Some(deviation) if self.stop => Err(RunError::Coupling {
+            Some(deviation) if self.stop => Err(RunError::Deviates {
                 place: Location { stage: self.stage.clone(), window: Some((w.index, w.iteration)) },
-                message: format!("the run deviates from its baseline: {deviation}"),
+                message: deviation.to_string(),
             }),
             Some(deviation) if !self.reported => {
                 self.reported = true;

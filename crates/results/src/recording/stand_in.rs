@@ -44,7 +44,7 @@ impl Participant for StandIn {
             surface_hash: h.surface_hash,
             grid_nodes: h.grid_nodes,
             output_width: 6,
-            effects: Vec::new(),
+            effects: vec!["coupling.adaptive".into()],
         }
     }
 
@@ -52,7 +52,8 @@ impl Participant for StandIn {
         (0..self.reader.header().grid_nodes).collect()
     }
 
-    /// The recorded grid of this window for a bitwise identical canopy. Calls may be repeated.
+    /// The recorded grid of this window for a bitwise identical canopy. Calls may be repeated. In a window of another length the same way has
+    /// another velocity.
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let here = |e: &Event<Vec<f64>>| e.at().index == w.index;
         if !self.window.iter().any(here) {
@@ -68,10 +69,19 @@ impl Participant for StandIn {
             }
         }
         for event in &self.window {
-            if let Event::Mesh { displacement, grid: Some(grid), stats, .. } = event
+            if let Event::Mesh { at, displacement, grid: Some(grid), stats } = event
                 && displacement == input.canopy
             {
                 output.copy_from_slice(grid);
+                if at.dt != w.dt {
+                    let faster = at.dt / w.dt;
+                    output
+                        .as_chunks_mut::<6>()
+                        .0
+                        .iter_mut()
+                        .flat_map(|row| &mut row[3..])
+                        .for_each(|v| *v *= faster);
+                }
                 return Ok(Stats { busy_s: 0.0, values: *stats });
             }
         }

@@ -2,6 +2,10 @@
 //!
 //! The program runs alone. It receives requests from a recording, and requests that no
 //! run sends (zero and extreme input). Each test starts the program in a new session.
+//! [`physics`] asks whether the answers can be those of a canopy, of air or of a grid.
+
+mod compared;
+mod physics;
 
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
@@ -38,9 +42,21 @@ pub struct ConformArgs {
     /// warm-starts from its previous solution needs its own solver tolerance here
     #[arg(long, value_name = "RATIO", default_value_t = 1e-3, value_parser = crate::arguments::ratio)]
     tolerance: f64,
+    /// Run this test and the two that all require; may be repeated [default: all tests]
+    #[arg(long, value_name = "NAME", value_parser = test_name)]
+    only: Vec<String>,
     /// Time limit for one reply, in seconds
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, value_parser = crate::arguments::seconds)]
     deadline: f64,
+}
+
+/// The name of a test.
+fn test_name(name: &str) -> Result<String, String> {
+    let names: Vec<&str> = TESTS.iter().map(|(name, _)| *name).collect();
+    if names.contains(&name) {
+        return Ok(name.into());
+    }
+    Err(format!("there is no test of this name; the tests are {}", names.join(", ")))
 }
 
 /// Result of a conformance test.
@@ -94,9 +110,23 @@ impl Request {
     }
 }
 
-/// The first two windows of a recording, each with its first and its last request.
+/// A window of a recording.
+struct Recorded {
+    /// The window at its first request.
+    window: Window,
+    /// The first request.
+    first: Request,
+    /// The last one, whose answer was accepted.
+    last: Request,
+    /// The window at that request.
+    accepted: Window,
+    /// The accepted answer, where it is recorded.
+    reply: Option<Vec<f64>>,
+}
+
+/// The first two windows of a recording.
 struct Script {
-    windows: Vec<(Window, Request, Request)>,
+    windows: Vec<Recorded>,
     /// Values of a reply.
     size: usize,
 }
@@ -111,23 +141,31 @@ impl Script {
             Role::Mesh => 6 * reader.header().grid_nodes as usize,
         };
         let mut windows = Vec::new();
-        let mut requests: Vec<(Window, Request)> = Vec::new();
+        let mut requests: Vec<(Window, Request, Option<Vec<f64>>)> = Vec::new();
         let mut moved = None;
         while let Some(event) = reader.next_event()? {
             let w = Window::from(event.at());
             match (event, session.role) {
-                (Event::Structure { load, .. }, Role::Structure) => {
-                    requests.push((w, Request::Structure(halves(&load))));
+                (Event::Structure { load, displacement, .. }, Role::Structure) => {
+                    requests.push((w, Request::Structure(halves(&load)), Some(displacement)));
                 }
-                (Event::Mesh { displacement, .. }, Role::Mesh) => {
-                    requests.push((w, Request::Mesh(displacement)))
+                (Event::Mesh { displacement, grid, .. }, Role::Mesh) => {
+                    requests.push((w, Request::Mesh(displacement), grid));
                 }
                 (Event::Mesh { displacement, .. }, Role::Flow) => moved = Some(displacement),
-                (Event::Flow { .. }, Role::Flow) => requests.push((w, Request::Flow(moved.clone()))),
+                (Event::Flow { load, .. }, Role::Flow) => {
+                    requests.push((w, Request::Flow(moved.clone()), Some(load)));
+                }
                 (Event::Accept { .. }, _) if !requests.is_empty() => {
                     let (first, last) = (requests[0].clone(), requests[requests.len() - 1].clone());
-                    windows.push((Window { iteration: 0, ..first.0 }, first.1, last.1));
                     requests.clear();
+                    windows.push(Recorded {
+                        window: Window { iteration: 0, ..first.0 },
+                        first: first.1,
+                        last: last.1,
+                        accepted: Window { iteration: 0, ..last.0 },
+                        reply: last.2,
+                    });
                     if windows.len() == 2 {
                         return Ok(Self { windows, size });
                     }
@@ -181,14 +219,19 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
     let session = ProgramSession::new(&args.recording, &options)?;
     let script = Script::of(&session)?;
     let suite = ConformanceSuite { session, script, tolerance: args.tolerance, stop, console };
-    let mut text = format!("{} in stage `{}`", args.role.name(), suite.session.stage);
+    let command = if args.command.is_empty() { String::new() } else { format!(" ({})", args.command) };
+    let mut text = format!("{}{command} in stage `{}`", args.role.name(), suite.session.stage);
     let mut passed = true;
-    let mut unusable = None;
-    for (name, test) in TESTS {
-        let verdict = match unusable {
+    let (mut unusable, mut unrepeatable) = (None, None);
+    let wanted = |name: &str| args.only.is_empty() || args.only.iter().any(|n| n == name);
+    for (name, test) in TESTS.into_iter().filter(|(name, _)| wanted(name) || BASIC.contains(name)) {
+        let verdict = match (unusable, unrepeatable) {
             // Further tests would repeat this failure, or wait for the deadline again.
-            Some(at) => Verdict::Skipped(format!("requires a valid reply; `{at}` failed")),
-            None => match test(&suite) {
+            (Some(at), _) => Verdict::Skipped(format!("requires a valid reply; `{at}` failed")),
+            (_, Some(at)) if DIFFERENCES.contains(&name) => {
+                Verdict::Skipped(format!("compares replies in one window; `{at}` failed"))
+            }
+            _ => match test(&suite) {
                 Err(error @ RunError::Interrupted(_)) => return Err(error),
                 Err(error) => {
                     if matches!(error, RunError::Stalled { .. }) {
@@ -199,8 +242,9 @@ pub fn conform(args: &ConformArgs, stop: &AtomicBool, console: &Console) -> Resu
                 Ok(verdict) => verdict,
             },
         };
-        if BASIC.contains(&name) && matches!(verdict, Verdict::Failed(_)) {
-            unusable = Some(name);
+        if matches!(verdict, Verdict::Failed(_)) {
+            unusable = unusable.or(BASIC.contains(&name).then_some(name));
+            unrepeatable = unrepeatable.or(REPEATABLE.contains(&name).then_some(name));
         }
         let (mark, why) = match &verdict {
             Verdict::Passed(why) => ("passed ", why),
@@ -217,8 +261,12 @@ type Test = fn(&ConformanceSuite<'_>) -> Result<Verdict, RunError>;
 
 /// Tests that all others require.
 const BASIC: [&str; 2] = ["handshake", "finite reply"];
+/// Tests that those by differences of replies require.
+const REPEATABLE: [&str; 2] = ["repeatability", "rollback"];
+/// Tests by differences of replies in one window.
+const DIFFERENCES: [&str; 3] = ["own input", "response", "faces"];
 
-const TESTS: [(&str, Test); 11] = [
+const TESTS: [(&str, Test); 15] = [
     ("handshake", |s| s.handshake()),
     ("finite reply", |s| s.finite_reply()),
     ("repeatability", |s| s.repeatability()),
@@ -230,6 +278,10 @@ const TESTS: [(&str, Test); 11] = [
     ("resume", |s| s.resume()),
     ("zero input", |s| s.zero_input()),
     ("extreme input", |s| s.extreme_input()),
+    ("own input", |s| s.own_input()),
+    ("recorded reply", |s| s.recorded_reply()),
+    ("response", |s| s.response()),
+    ("faces", |s| s.faces()),
 ];
 
 struct ConformanceSuite<'a> {
@@ -262,7 +314,7 @@ impl ConformanceSuite<'_> {
     }
 
     fn finite_reply(&self) -> Result<Verdict, RunError> {
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let reply = self.run(|p| self.send(p, first, w))?;
         Ok(match finite(&reply) {
             Ok(()) => Verdict::Passed(format!("{} finite values for window {}", reply.len(), w.index)),
@@ -271,14 +323,14 @@ impl ConformanceSuite<'_> {
     }
 
     fn repeatability(&self) -> Result<Verdict, RunError> {
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let [a, b] =
             self.run(|p| Ok([self.send(p, first, w)?, self.send(p, first, &at_iteration(w, 1))?]))?;
         Ok(self.compare(&a, &b, "the same request twice"))
     }
 
     fn rollback(&self) -> Result<Verdict, RunError> {
-        let (w, first, last) = &self.script.windows[0];
+        let Recorded { window: w, first, last, .. } = &self.script.windows[0];
         let other = first.scaled(1.5).unwrap_or_else(|| last.clone());
         // On a grid at rest the flow has no other input.
         if matches!(other, Request::Flow(None)) {
@@ -295,7 +347,9 @@ impl ConformanceSuite<'_> {
     }
 
     fn next_window(&self) -> Result<Verdict, RunError> {
-        let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
+        let [Recorded { window: w0, last: last0, .. }, Recorded { window: w1, first: first1, .. }] =
+            &self.script.windows[..]
+        else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
         let [a, b] = self.run(|p| {
@@ -317,9 +371,10 @@ impl ConformanceSuite<'_> {
 
     /// A rejected window that is retried with half its length gives the result of a first request with that length.
     fn shorter_window(&self) -> Result<Verdict, RunError> {
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let half = Window { dt: 0.5 * w.dt, ..*w };
-        let varies = self.run(|p| Ok(p.fixed_windows().is_empty()))?;
+        let role = self.session.role;
+        let varies = self.run(|p| Ok(p.varies_windows(role)))?;
         if !varies {
             return Ok(Verdict::Skipped(
                 "the program does not announce `coupling.adaptive`: its windows have a fixed length".into(),
@@ -337,7 +392,7 @@ impl ConformanceSuite<'_> {
         if self.session.role != Role::Structure {
             return Ok(Verdict::Skipped("applies to the structure only".into()));
         }
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let n = w.substeps.max(1);
         let replies = self.run(|p| {
             [n, 2 * n, 4 * n]
@@ -374,7 +429,9 @@ impl ConformanceSuite<'_> {
         if role == Role::Flow && before.is_some_and(|b| method(b) != method(self.session.number())) {
             return Ok(Verdict::Skipped("the stage starts from a flow of the other method".into()));
         }
-        let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
+        let [Recorded { window: w0, last: last0, .. }, Recorded { window: w1, first: first1, .. }] =
+            &self.script.windows[..]
+        else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
         let folder = self.session.out.join("saved");
@@ -406,7 +463,9 @@ impl ConformanceSuite<'_> {
 
     fn resume(&self) -> Result<Verdict, RunError> {
         let role = self.session.role;
-        let [(w0, _, last0), (w1, first1, _)] = &self.script.windows[..] else {
+        let [Recorded { window: w0, last: last0, .. }, Recorded { window: w1, first: first1, .. }] =
+            &self.script.windows[..]
+        else {
             return Ok(Verdict::Skipped("one window only".into()));
         };
         let folder = self.session.out.join("within");
@@ -433,7 +492,7 @@ impl ConformanceSuite<'_> {
     }
 
     fn zero_input(&self) -> Result<Verdict, RunError> {
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let Some(zero) = first.scaled(0.0) else {
             return Ok(Verdict::Skipped("the only input of the flow is the grid".into()));
         };
@@ -445,7 +504,7 @@ impl ConformanceSuite<'_> {
     }
 
     fn extreme_input(&self) -> Result<Verdict, RunError> {
-        let (w, first, _) = &self.script.windows[0];
+        let Recorded { window: w, first, .. } = &self.script.windows[0];
         let Some(extreme) = first.scaled(1e9) else {
             return Ok(Verdict::Skipped("the only input of the flow is the grid".into()));
         };
