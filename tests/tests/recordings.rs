@@ -28,17 +28,20 @@ fn path(p: &Path) -> &str {
     p.to_str().expect("UTF-8")
 }
 
+/// Tests that a fault fails, each with a part of what it says.
+type Sentences = &'static [(&'static str, &'static str)];
+
 /// `ripstop conform` names what is wrong with a program that keeps the protocol, from a recording of sound programs alone.
 #[test]
 fn conform_names_wrong_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = record(&scene("square-drop"), folder.path(), "sound");
     let mut unnamed = Vec::new();
-    let late = ("own input", "one window late");
-    let also_late = ("recorded reply", "one window late");
-    let opposite = ("recorded reply", "is the opposite of the recorded one, where other faces agree");
-    let cases: [(&str, &str, &[(&str, &str)]); 11] = [
-        ("structure", "late", &[late, also_late]),
+    const LATE: Sentences = &[("own input", "one window late"), ("recorded reply", "one window late")];
+    const OPPOSITE: Sentences =
+        &[("recorded reply", "is the opposite of the recorded one, where other faces agree")];
+    let cases: [(&str, &str, Sentences); 11] = [
+        ("structure", "late", LATE),
         (
             "structure",
             "thousand",
@@ -49,7 +52,7 @@ fn conform_names_wrong_answers() {
         ),
         ("structure", "reversed", &[("response", "moves against the pressure")]),
         ("structure", "normal", &[("faces", "face 72 moves against a pressure on it")]),
-        ("mesh", "late", &[late, also_late]),
+        ("mesh", "late", LATE),
         (
             "mesh",
             "thousand",
@@ -59,10 +62,10 @@ fn conform_names_wrong_answers() {
             ],
         ),
         ("mesh", "still", &[("response", "positions and velocities do not agree")]),
-        ("flow", "late", &[late, also_late]),
+        ("flow", "late", LATE),
         ("flow", "thousand", &[("recorded reply", "kilopascals instead of pascals")]),
         ("flow", "reversed", &[("recorded reply", "inside minus outside"), ("response", "air must resist")]),
-        ("flow", "normal", &[opposite]),
+        ("flow", "normal", OPPOSITE),
     ];
     for (role, fault, says) in cases {
         let command = format!("{} {role} {fault} always 0", program("faulty").display());
