@@ -158,7 +158,7 @@ impl StructureSolver {
             let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
             dynamics.carry(payload, earlier.unwrap_or(start));
             if earlier.is_none() {
-                dynamics.place_payload();
+                release(&mut dynamics, scene, stage, source.is_some())?;
             }
             if comm.is_root() && !resumed {
                 let folder = case::stage_folder(out, scene, stage);
@@ -588,6 +588,24 @@ impl StructureSolver {
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
+}
+
+/// Places a payload that becomes free in `stage`; `held`: the structure moved before. Collective.
+fn release(dynamics: &mut Dynamics, scene: &Scene, stage: usize, held: bool) -> Result<(), Fault> {
+    if held {
+        dynamics.start_payload_where_held().map_err(|off| {
+            Fault::new(format!(
+                "the attachments of the payload were not moved as a rigid body before its release in stage `{}`: one is {off:.3e} m from its \
+                 place. Likely cause: a [[stage.motion]] that moves some of them. Remedy: move the node set `payload`, or turn the payload by \
+                 descent.body.initial_rotation_deg",
+                scene.stages[stage].name
+            ))
+        })?;
+    }
+    if scene.payload_body().is_some_and(case::PayloadBody::is_released_turned) {
+        dynamics.place_payload();
+    }
+    Ok(())
 }
 
 /// A fault on one rank becomes a fault on every rank.

@@ -25,6 +25,9 @@ use mesh::geometry::{Point, Vec3};
 /// Straight steps of the way of an attachment to the attitude of the release.
 const TURN_STEPS: u32 = 64;
 
+/// Largest distance of a held attachment from its place on the body, as a share of the size of body and displacement.
+const RIGID: f64 = 1e-6;
+
 /// A rigid body that carries nodes.
 pub struct Payload {
     /// Mass and inertia, those of the attachments' nodes included.
@@ -186,6 +189,34 @@ impl Dynamics {
     pub fn carry(&mut self, payload: Payload, state: BodyState) {
         self.accepted.body = Some(state);
         self.payload = Some(payload);
+    }
+
+    /// Starts a payload that is released now where its attachments were held: displaced by the mean of their displacements. Collective.
+    ///
+    /// # Errors
+    /// They were not moved as a rigid body: the largest distance, m, of one from its place on the body.
+    pub fn start_payload_where_held(&mut self) -> Result<(), f64> {
+        let (Some(p), Some(s)) = (&self.payload, &mut self.accepted.body) else { return Ok(()) };
+        let (model, u) = (&self.system.model, &self.accepted.u);
+        let owned = |n: &usize| *n < model.n_owned();
+        let moved: Vec<Vec3> = (p.arms.iter())
+            .filter_map(|(a, n)| {
+                let n = n.map(|n| n as usize).filter(owned)?;
+                Some(at(u, n) - (s.turn(*a) - a))
+            })
+            .collect();
+        let sum: Vec3 = moved.iter().sum();
+        let mut sums = [sum[0], sum[1], sum[2], moved.len() as f64];
+        model.comm.sum_slice(&mut sums);
+        let mean = Vec3::new(sums[0], sums[1], sums[2]) / sums[3].max(1.0);
+        let off = moved.iter().map(|d| (d - mean).norm()).fold(0.0, f64::max);
+        let off = model.comm.max(off);
+        let size = p.arms.iter().map(|(a, _)| a.norm()).fold(mean.norm(), f64::max);
+        if off > RIGID * size {
+            return Err(off);
+        }
+        s.x = mean;
+        Ok(())
     }
 
     /// Puts the attachments of a payload that is released now where its attitude has them.
@@ -449,6 +480,31 @@ mod tests {
         assert!((Vec3::from_column_slice(&found) - exact).norm() < 1e-14);
         let first: f64 = d.motions[0].values(1e-3).map(|(_, u)| u * u).sum::<f64>().sqrt();
         assert!(first < 1e-3 * exact.norm(), "{first}");
+    }
+
+    /// A held payload that a motion displaced is released there; attachments that were not moved together are refused.
+    #[test]
+    fn released_body_starts_where_it_was_held() {
+        let mut mesh = chain(ARMS.map(|a| (Vec3::new(1.0, 2.0, 3.0) + a).into()).to_vec(), vec![0, 1]);
+        mesh.node_sets.insert("payload".into(), vec![0, 1]);
+        let mut d = of_mesh(&scene_of(BAG, "density_kg_m3 = 1e-12", STAGE), mesh.clone());
+        let payload = Payload::on(&d, &mesh, MASS, INERTIA, &ARMS.map(Into::into), 0.0);
+        let turn = Vec3::new(0.1, -0.4, 0.2);
+        let state = BodyState::start(&payload.body, Vec3::zeros(), Vec3::zeros()).turned_by(turn);
+        d.carry(payload, state);
+        let way = Vec3::new(0.3, 0.0, -0.2);
+        for (n, arm) in ARMS.into_iter().enumerate() {
+            let u = way + state.turn(arm) - arm;
+            d.accepted.u[3 * n..][..3].copy_from_slice(u.as_slice());
+        }
+        let held = d.accepted.u.clone();
+        d.start_payload_where_held().expect("a rigid motion");
+        assert!((d.accepted.body.expect("a body").x - way).norm() < 1e-14);
+        d.place_payload();
+        assert!(d.accepted.u.iter().zip(&held).all(|(a, b)| (a - b).abs() < 1e-14));
+        d.accepted.u[0] += 0.01;
+        let off = d.start_payload_where_held().expect_err("no rigid motion");
+        assert!((off - 0.005).abs() < 1e-9, "{off}");
     }
 
     /// In a wind by height it meets the air at its centre of mass: at 3 - 0.1 m in a frame that is 40 m above ground.

@@ -2,7 +2,7 @@
 //!
 //! The program runs alone. It receives requests from a recording, and requests that no
 //! run sends (zero and extreme input). Each test starts the program in a new session.
-//! [`physics`] asks whether the answers can be those of a canopy, of air or of a grid.
+//! The module `physics` asks whether the answers can be those of a canopy, of air or of a grid.
 
 mod compared;
 mod physics;
