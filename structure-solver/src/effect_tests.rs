@@ -298,7 +298,8 @@ fn a_payload_released_at_an_attitude_swings_in_both_modes() {
         worst = worst.max((found - exact).abs() / phi);
     }
     println!("payload released at an attitude: {worst:.1e} of the angle over 4 s");
-    assert!(worst < 3e-3, "{worst}");
+    // A step changes a frequency w by the share (w dt)^2 / 24: the phase of the faster mode by 3e-4 over 4 s.
+    assert!(worst < 1e-3, "{worst}");
 }
 
 /// A body that tumbles with three masses on a line behind it, without weight: momentum and
