@@ -48,6 +48,7 @@ fn conform_names_wrong_answers() {
             &[
                 ("recorded reply", "millimetres instead of metres"),
                 ("response", "times as far as free fabric"),
+                ("statistics", "VERTICAL_LOAD differs"),
             ],
         ),
         ("structure", "reversed", &[("response", "moves against the pressure")]),
@@ -64,7 +65,15 @@ fn conform_names_wrong_answers() {
         ("mesh", "still", &[("response", "positions and velocities do not agree")]),
         ("flow", "late", LATE),
         ("flow", "thousand", &[("recorded reply", "kilopascals instead of pascals")]),
-        ("flow", "reversed", &[("recorded reply", "inside minus outside"), ("response", "air must resist")]),
+        (
+            "flow",
+            "reversed",
+            &[
+                ("recorded reply", "inside minus outside"),
+                ("response", "air must resist"),
+                ("statistics", "FORCE differs"),
+            ],
+        ),
         ("flow", "normal", OPPOSITE),
     ];
     for (role, fault, says) in cases {

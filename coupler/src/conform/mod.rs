@@ -12,7 +12,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use case::Role;
-use channel::{LOAD_WIDTH, Window};
+use channel::{LOAD_WIDTH, STATS, Window};
 use coupling::error::RunError;
 use coupling::partners::{LoadOverWindow, Partners};
 use results::recording::{Event, Reader};
@@ -80,23 +80,34 @@ enum Request {
 
 impl Request {
     fn send(&self, partners: &mut HubPartners<'_>, w: &Window, size: usize) -> Result<Vec<f64>, RunError> {
+        self.answer(partners, w, size).map(|(reply, _)| reply)
+    }
+
+    /// The reply with its statistics.
+    fn answer(
+        &self,
+        partners: &mut HubPartners<'_>,
+        w: &Window,
+        size: usize,
+    ) -> Result<(Vec<f64>, [f64; STATS]), RunError> {
         let mut reply = vec![0.0; size];
-        match self {
+        let response = match self {
             Self::Structure([start, end]) => {
-                partners.structure(w, LoadOverWindow { start, end }, &mut reply)?;
+                partners.structure(w, LoadOverWindow { start, end }, &mut reply)?
             }
             Self::Mesh(displacement) => {
-                partners.mesh(w, displacement)?;
+                let response = partners.mesh(w, displacement)?;
                 reply = partners.grid().unwrap_or(&[]).to_vec();
+                response
             }
             Self::Flow(displacement) => {
                 if let Some(displacement) = displacement {
                     partners.mesh(w, displacement)?;
                 }
-                partners.flow(w, &mut reply)?;
+                partners.flow(w, &mut reply)?
             }
-        }
-        Ok(reply)
+        };
+        Ok((reply, response.stats.values))
     }
 
     /// The request with all input values times `factor`. `None` for the flow, whose only input is the grid.
@@ -266,7 +277,7 @@ const REPEATABLE: [&str; 2] = ["repeatability", "rollback"];
 /// Tests by differences of replies in one window.
 const DIFFERENCES: [&str; 3] = ["own input", "response", "faces"];
 
-const TESTS: [(&str, Test); 15] = [
+const TESTS: [(&str, Test); 16] = [
     ("handshake", |s| s.handshake()),
     ("finite reply", |s| s.finite_reply()),
     ("repeatability", |s| s.repeatability()),
@@ -282,6 +293,7 @@ const TESTS: [(&str, Test); 15] = [
     ("recorded reply", |s| s.recorded_reply()),
     ("response", |s| s.response()),
     ("faces", |s| s.faces()),
+    ("statistics", |s| s.statistics()),
 ];
 
 struct ConformanceSuite<'a> {

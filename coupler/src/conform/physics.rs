@@ -5,9 +5,10 @@
 //! positive work on each face, air resists the acceleration of a canopy, a grid follows it.
 
 use case::{Role, Solve};
-use channel::{LOAD_WIDTH, Window};
+use channel::{LOAD_WIDTH, Window, flow_stats as of_flow, structure_stats as of_structure};
 use coupling::error::RunError;
 use coupling::partners::Partners;
+use mesh::geometry::Vec3;
 
 use super::compared::{Deviation, deviation, groups_without_common_nodes, minus, norm};
 use super::{ConformanceSuite, Recorded, Request, Verdict, at_iteration, relative_difference};
@@ -27,6 +28,10 @@ const NONLINEAR: f64 = 0.5;
 const FREE_FABRIC: f64 = 10.0;
 /// Work of a pressure on its face below which the face moves against it, as a share of the median work.
 const AGAINST: f64 = -0.05;
+
+/// Largest difference of a statistic from the same quantity of the reply, as a share: half a per cent is the difference between quadrilaterals and their
+/// triangles on a coarse canopy.
+const STATISTIC: f64 = 0.02;
 
 /// Replies to a request and to changes of it by -1, 1 and 2 units.
 struct Responses {
@@ -174,6 +179,56 @@ impl ConformanceSuite<'_> {
             Role::Mesh => reply.chunks_exact(6).flat_map(|row| &row[..3]).copied().collect(),
             _ => reply.to_vec(),
         }
+    }
+
+    /// Statistics agree with the fields of the same reply: resultant and moment of a load, load and area of a shape.
+    pub(super) fn statistics(&self) -> Result<Verdict, RunError> {
+        let Recorded { accepted: w, last, .. } = &self.script.windows[0];
+        let (reply, stats) = self.run(|p| last.answer(p, w, self.script.size))?;
+        let canopy = &self.session.prepared.interface;
+        let mut compared: Vec<(&str, Vec3, Vec3, f64)> = Vec::new();
+        match (last, self.shape(last)) {
+            (Request::Structure([_, end]), _) => {
+                let pressure: Vec<f64> =
+                    end.chunks_exact(LOAD_WIDTH).flat_map(|row| [row[0], 0.0, 0.0, 0.0]).collect();
+                let up = |z: f64| Vec3::z() * z;
+                let load = canopy.force(&pressure, &reply)[2];
+                let area = canopy.projected_area(&reply);
+                compared.push((
+                    "VERTICAL_LOAD",
+                    up(stats[of_structure::VERTICAL_LOAD]),
+                    up(load),
+                    load.abs(),
+                ));
+                compared.push(("PROJECTED_AREA", up(stats[of_structure::PROJECTED_AREA]), up(area), area));
+            }
+            (Request::Flow(Some(_)), Some(shape)) if !canopy.faces.is_empty() => {
+                let vector = |at: usize| Vec3::from_column_slice(&stats[at..at + 3]);
+                let (force, moment) = (canopy.force(&reply, &shape), canopy.moment(&reply, &shape));
+                let size = force.norm();
+                compared.push(("FORCE", vector(of_flow::FORCE), force, size));
+                compared.push(("MOMENT", vector(of_flow::MOMENT), moment, size * 1e3 * self.way()));
+            }
+            _ => {
+                return Ok(Verdict::Skipped(
+                    "applies to structures, and to flows around a canopy that moves".into(),
+                ));
+            }
+        }
+        let reported: Vec<_> = compared.into_iter().filter(|(_, stated, ..)| stated.norm() > 0.0).collect();
+        let text = |(name, stated, found, size): &(&str, Vec3, Vec3, f64)| {
+            let share = (stated - found).norm() / size;
+            (share, format!("{name} differs from that of the reply by {share:.1e}"))
+        };
+        let texts: Vec<(f64, String)> = reported.iter().map(text).collect();
+        let all = texts.iter().map(|(_, text)| text.as_str()).collect::<Vec<_>>().join(", ");
+        Ok(match texts.iter().find(|(share, _)| share.is_nan() || *share > STATISTIC) {
+            _ if texts.is_empty() => Verdict::Skipped("the program reports none of them".into()),
+            None => Verdict::Passed(all),
+            Some((_, text)) => Verdict::Failed(format!(
+                "{text} (at most {STATISTIC}): its sign, unit or frame, or the load of other faces"
+            )),
+        })
     }
 
     /// The response to a small change of the input.

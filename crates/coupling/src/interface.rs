@@ -144,6 +144,16 @@ impl CanopyInterface {
         faces.map(|(face, load)| face_force(&quad_area_vector(self.corners(face, displacement)), load)).sum()
     }
 
+    /// Moment (N m) of that force about the origin of the frame, each face's at its centre.
+    pub fn moment(&self, load: &[f64], displacement: &[f64]) -> Vec3 {
+        let faces = self.faces.iter().zip(load.chunks_exact(LOAD_WIDTH));
+        let moment = |(face, load): (&[u32; 4], &[f64])| {
+            let corners = self.corners(face, displacement);
+            centre(&corners).cross(&face_force(&quad_area_vector(corners), load))
+        };
+        faces.map(moment).sum()
+    }
+
     /// Work (J) that `load` (`[faces][LOAD_WIDTH]`, Pa) does while the canopy moves straight from displacement `start`
     /// to `end` (`[nodes][3]`, m): pressure times the volume that the flow's wall sweeps (`wall_shares`); traction
     /// on the area at the end, shared equally by the corners.
