@@ -31,52 +31,51 @@ fn path(p: &Path) -> &str {
 /// Tests that a fault fails, each with a part of what it says.
 type Sentences = &'static [(&'static str, &'static str)];
 
+const LATE: Sentences = &[("own input", "one window late"), ("recorded reply", "one window late")];
+const OPPOSITE: Sentences =
+    &[("recorded reply", "is the opposite of the recorded one, where other faces agree")];
+/// Role, fault of `faulty`, and what must be said of it.
+const WRONG: [(&str, &str, Sentences); 11] = [
+    ("structure", "late", LATE),
+    (
+        "structure",
+        "thousand",
+        &[
+            ("recorded reply", "millimetres instead of metres"),
+            ("response", "times as far as free fabric"),
+            ("statistics", "VERTICAL_LOAD differs"),
+        ],
+    ),
+    ("structure", "reversed", &[("response", "moves against the pressure")]),
+    ("structure", "normal", &[("faces", "face 72 moves against a pressure on it")]),
+    ("mesh", "late", LATE),
+    (
+        "mesh",
+        "thousand",
+        &[("recorded reply", "millimetres instead of metres"), ("response", "those on the canopy follow it")],
+    ),
+    ("mesh", "still", &[("response", "positions and velocities do not agree")]),
+    ("flow", "late", LATE),
+    ("flow", "thousand", &[("recorded reply", "kilopascals instead of pascals")]),
+    (
+        "flow",
+        "reversed",
+        &[
+            ("recorded reply", "inside minus outside"),
+            ("response", "air must resist"),
+            ("statistics", "FORCE differs"),
+        ],
+    ),
+    ("flow", "normal", OPPOSITE),
+];
+
 /// `ripstop conform` names what is wrong with a program that keeps the protocol, from a recording of sound programs alone.
 #[test]
 fn conform_names_wrong_answers() {
     let folder = tempfile::tempdir().expect("a folder");
     let recording = record(&scene("square-drop"), folder.path(), "sound");
     let mut unnamed = Vec::new();
-    const LATE: Sentences = &[("own input", "one window late"), ("recorded reply", "one window late")];
-    const OPPOSITE: Sentences =
-        &[("recorded reply", "is the opposite of the recorded one, where other faces agree")];
-    let cases: [(&str, &str, Sentences); 11] = [
-        ("structure", "late", LATE),
-        (
-            "structure",
-            "thousand",
-            &[
-                ("recorded reply", "millimetres instead of metres"),
-                ("response", "times as far as free fabric"),
-                ("statistics", "VERTICAL_LOAD differs"),
-            ],
-        ),
-        ("structure", "reversed", &[("response", "moves against the pressure")]),
-        ("structure", "normal", &[("faces", "face 72 moves against a pressure on it")]),
-        ("mesh", "late", LATE),
-        (
-            "mesh",
-            "thousand",
-            &[
-                ("recorded reply", "millimetres instead of metres"),
-                ("response", "those on the canopy follow it"),
-            ],
-        ),
-        ("mesh", "still", &[("response", "positions and velocities do not agree")]),
-        ("flow", "late", LATE),
-        ("flow", "thousand", &[("recorded reply", "kilopascals instead of pascals")]),
-        (
-            "flow",
-            "reversed",
-            &[
-                ("recorded reply", "inside minus outside"),
-                ("response", "air must resist"),
-                ("statistics", "FORCE differs"),
-            ],
-        ),
-        ("flow", "normal", OPPOSITE),
-    ];
-    for (role, fault, says) in cases {
+    for (role, fault, says) in WRONG {
         let command = format!("{} {role} {fault} always 0", program("faulty").display());
         let mut words = vec!["conform", role, path(&recording), "--command", &command];
         says.iter().for_each(|(test, _)| words.extend(["--only", test]));
