@@ -360,7 +360,8 @@ fn drag_of_lines_and_payload_is_that_of_their_height() {
     for column in ["frame_vx_m_s", "descent_speed_m_s", "drag_n"] {
         let [a, b] = [&same, &one].map(|out| last(out, "fall", column));
         println!("{column}: {a:.9} in a wind, {b:.9} in a table of it");
-        assert!((a - b).abs() < 1e-4 * a.abs(), "{column}: {a} {b}");
+        // They are the same to nine digits; the subtraction of the wind leaves round-off.
+        assert!((a - b).abs() < 1e-7 * a.abs(), "{column}: {a} {b}");
     }
     // Without payload drag, canopy and lines alone move the payload.
     let sheared = |drag: &str, name: &str| {

@@ -29,8 +29,8 @@ const FREE_FABRIC: f64 = 10.0;
 /// Work of a pressure on its face below which the face moves against it, as a share of the median work.
 const AGAINST: f64 = -0.05;
 
-/// Largest difference of a statistic from the same quantity of the reply, as a share: half a per cent is the difference between quadrilaterals and their
-/// triangles on a coarse canopy.
+/// Largest difference of a statistic from the same quantity of the reply, as a share. The project's programs agree to 6e-9; the rest is room for a program that
+/// sums its load on a surface of its own.
 const STATISTIC: f64 = 0.02;
 
 /// Replies to a request and to changes of it by -1, 1 and 2 units.
