@@ -106,6 +106,9 @@ enum Command {
     /// Run a scene with varied values, and collect one table and one page of the results
     #[command(after_help = CODES)]
     Sweep(studies::sweep::SweepArgs),
+    /// Run the cases of a folder and compare each with its recorded reference; record and update references
+    #[command(after_help = CODES)]
+    Regression(studies::regression::RegressionArgs),
     /// Map the stability of coupling schemes with a family of small cases
     #[command(after_help = CODES)]
     Stability(studies::stability::StabilityArgs),
@@ -321,6 +324,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&studies::sweep::sweep(&args, &|set| scene_with(&args.scene, set), &stop, console)?);
             Ok(())
         }
+        Command::Regression(args) => regression(&args, console),
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),
         Command::Check { scene } => {
@@ -379,6 +383,17 @@ fn run_scene(
         }
     }
     if summary.stages.iter().any(|stage| stage.deviates) { Err(RunError::Differs) } else { Ok(()) }
+}
+
+/// Runs a regression suite. A failed run weighs more than a deviation.
+fn regression(args: &studies::regression::RegressionArgs, console: &Console) -> Result<(), RunError> {
+    let suite = studies::regression::regression(args, &scene_with, &*signals::stop_flag()?, console)?;
+    print(&suite.text);
+    match (suite.failed, suite.same) {
+        (Some(error), _) => Err(error),
+        (None, true) => Ok(()),
+        (None, false) => Err(RunError::Differs),
+    }
 }
 
 /// Adds the command that resumes the run to its error.

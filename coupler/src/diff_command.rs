@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use case::Scene;
 use coupling::error::RunError;
 use results::diff::{histories, recordings};
-use results::recording::compare::Comparison;
 use results::recording::stage_file;
 
 /// The folders to compare, and tolerances.
@@ -44,7 +43,7 @@ pub fn diff(args: &DiffArgs) -> Result<(bool, String), RunError> {
             text.push(format!("stage `{}`: {}", stage.name, comparison.report()));
             same &= comparison.same() && comparison.other_iterations.is_none();
             if let Some(out) = &args.out {
-                write(out, &stage.name, &comparison)?;
+                figures::plot::differences(out, &stage.name, &comparison)?;
             }
             continue;
         }
@@ -77,13 +76,4 @@ pub(crate) fn scene_of(folder: &Path) -> Result<Scene, RunError> {
         )));
     }
     case::load(&file).map_err(|e| RunError::Input(e.to_string()))
-}
-
-/// Writes the differences over time as CSV and SVG.
-pub(crate) fn write(out: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
-    std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
-    let path = out.join(format!("{stage}-difference.csv"));
-    std::fs::write(&path, comparison.csv()).map_err(RunError::file("write", &path))?;
-    let path = out.join(format!("{stage}-difference.svg"));
-    figures::plot::difference(&path, stage, comparison)
 }

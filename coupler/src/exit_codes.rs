@@ -14,7 +14,7 @@ exit_codes! {
     0, "success";
     1, "the run or the study failed; results up to the failure are kept";
     2, "the scene or the command line is invalid; no program was started";
-    3, "a comparison found a difference (diff, replay, run --baseline, accuracy), or a conformance test failed (conform)";
+    3, "a comparison found a difference (diff, replay, regression, run --baseline, accuracy), or a conformance test failed (conform)";
     130, "interrupted by Ctrl-C or a termination signal: the current window was completed and saved, and \
           `ripstop run --resume` continues the run; a second signal ends the run immediately without saving";
 }

@@ -296,7 +296,7 @@ pub fn replay(args: &ReplayArgs, stop: &AtomicBool, console: &Console) -> Result
         send_requests(partners, role, reader, canopy, &mut comparison).map(|()| program)
     })?;
     if args.out.is_some() {
-        crate::diff_command::write(&session.out, &session.stage, &comparison)?;
+        figures::plot::differences(&session.out, &session.stage, &comparison)?;
     }
     let command = if command.is_empty() { String::new() } else { format!(" ({command})") };
     let program = program.unwrap_or_else(|| role.program().into());

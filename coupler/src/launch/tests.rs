@@ -1,7 +1,6 @@
 //! Supervision of small programs that fail, hang and ignore SIGTERM.
 
 use std::ffi::OsString;
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::time::Duration;
 
@@ -14,10 +13,13 @@ use case::Role;
 use load::Limit;
 use terminal::Console;
 
+/// A child writes the file: a descriptor that is open for writing here would be inherited by programs that other tests start at
+/// the same time, and starting the script would fail with "text file busy".
 fn script(folder: &Path, name: &str, text: &str) -> OsString {
     let file = folder.join(name);
-    std::fs::write(&file, format!("#!/bin/sh\n{text}\n")).unwrap();
-    std::fs::set_permissions(&file, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let write = "printf '#!/bin/sh\n%s\n' \"$1\" > \"$0\" && chmod 755 \"$0\"";
+    let written = std::process::Command::new("sh").args(["-c", write]).arg(&file).arg(text).status();
+    assert!(written.unwrap().success());
     file.into_os_string()
 }
 

@@ -61,7 +61,7 @@ impl Exchange<'_> {
         let compared = Baseline::new(partners, reader, &mut comparison, baseline.stop, context.console);
         let ended = self.recorded(compared).map(Baseline::into_partners);
         context.console.line(&format!("stage `{name}` compared with its baseline: {}", comparison.report()));
-        crate::diff_command::write(context.out, name, &comparison)?;
+        figures::plot::differences(context.out, name, &comparison)?;
         self.summary.deviates = !comparison.same();
         ended
     }

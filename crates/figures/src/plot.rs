@@ -98,6 +98,17 @@ pub fn difference(picture: &Path, stage: &str, comparison: &Comparison) -> Resul
     difference_figure(stage, comparison).svg().save(picture)
 }
 
+/// Writes the differences over time in the folder `out`: `<stage>-difference.csv` and `.svg`.
+///
+/// # Errors
+/// A file cannot be written.
+pub fn differences(out: &Path, stage: &str, comparison: &Comparison) -> Result<(), RunError> {
+    std::fs::create_dir_all(out).map_err(RunError::file("create", out))?;
+    let path = out.join(format!("{stage}-difference.csv"));
+    std::fs::write(&path, comparison.csv()).map_err(RunError::file("write", &path))?;
+    difference(&out.join(format!("{stage}-difference.svg")), stage, comparison)
+}
+
 fn difference_figure(stage: &str, comparison: &Comparison) -> Figure {
     // Bitwise identical values are drawn at the lower edge, infinite differences at the upper edge.
     let (low, high) = (1e-17f64, 1e2f64);

@@ -25,6 +25,13 @@ pub struct Count {
     pub name: &'static str,
 }
 
+impl Count {
+    /// The count among the statistics of a solve.
+    pub fn of(&self, stats: &[f64; STATS]) -> f64 {
+        stats[self.index]
+    }
+}
+
 /// All counts, in the order in which they are compared.
 pub const COUNTS: [Count; 8] = [
     Count { role: Role::Structure, index: structure_stats::STEP_CUTS, name: "time-step reductions" },
@@ -199,13 +206,7 @@ impl Comparison {
                 self.add_array(reference.at(), channel, values.as_ref(), b.as_ref());
             }
         }
-        let role = match reference {
-            Event::Structure { .. } => Role::Structure,
-            Event::Mesh { .. } => Role::Mesh,
-            Event::Flow { .. } => Role::Flow,
-            Event::Accept { .. } => return,
-        };
-        if let (Some(a), Some(b)) = (reference.stats(), other.stats()) {
+        if let (Some(role), Some(a), Some(b)) = (reference.role(), reference.stats(), other.stats()) {
             self.add_counts(reference.at(), role, a, b);
         }
     }
@@ -217,13 +218,13 @@ impl Comparison {
         }
         let slack = self.iteration_tolerance.unwrap_or(0.0);
         let beyond = |(_, count): &(usize, &Count)| {
-            let (a, b) = (reference[count.index], other[count.index]);
+            let (a, b) = (count.of(reference), count.of(other));
             count.role == role && (a - b).abs() > (slack * a).ceil()
         };
         self.first_count = COUNTS.iter().enumerate().find(beyond).map(|(number, count)| OtherCount {
             at: *at,
             count: number,
-            values: [reference[count.index], other[count.index]],
+            values: [count.of(reference), count.of(other)],
         });
     }
 

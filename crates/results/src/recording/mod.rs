@@ -21,9 +21,11 @@ pub mod observed;
 mod pack;
 pub mod recorder;
 pub mod stand_in;
+pub mod totals;
 
 use std::path::{Path, PathBuf};
 
+use case::Role;
 use channel::{STATS, Window};
 use serde::{Deserialize, Serialize};
 
@@ -244,6 +246,16 @@ impl<A> Event<A> {
             Self::Flow { at, load, stats } => Event::Flow { at, load: f(Channel::FlowLoad, load)?, stats },
             Self::Accept { at } => Event::Accept { at },
         })
+    }
+
+    /// Program that solved; none for an accepted window.
+    pub fn role(&self) -> Option<Role> {
+        match self {
+            Self::Structure { .. } => Some(Role::Structure),
+            Self::Mesh { .. } => Some(Role::Mesh),
+            Self::Flow { .. } => Some(Role::Flow),
+            Self::Accept { .. } => None,
+        }
     }
 
     /// Number of the program, for matching events of two recordings.
