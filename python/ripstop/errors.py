@@ -36,7 +36,8 @@ class RunError(RipstopError):
         meaning = {1: "failed", 2: "refused its input", 3: "found a difference", 130: "was interrupted"}
         what = meaning.get(code, "was ended by a signal" if code < 0 else "failed")
         last = "\n".join(lines) or "(no error output; see ripstop.log in the folder of results)"
-        super().__init__(f"`ripstop {command[1]}` {what} with exit code {code}; results: {folder}\n{last}")
+        kept = "" if code == 2 else f"; results so far: {folder}"
+        super().__init__(f"`ripstop {command[1]}` {what} with exit code {code}{kept}\n{last}")
 
 
 def need(module, user, install="pip install ./python"):

@@ -1,7 +1,6 @@
 """Snapshots: VTK XML files of unstructured grids and their time series (`.pvd`)."""
 
 import base64
-import struct
 import zlib
 from pathlib import Path
 from xml.etree import ElementTree
@@ -190,7 +189,10 @@ def _pieces(path):
         points = piece.find("Points/DataArray")
         if points is None or not {"connectivity", "offsets", "types"} <= set(cells):
             raise ResultsError(path, "a piece has no points or no cells", "repeat the run")
-        ends = cells["offsets"].astype(np.int64)
+        points, ends = arrays.read(points).astype(np.float64), cells["offsets"].astype(np.int64)
+        nodes = len(cells["connectivity"])
+        if len(points) != n_points or not len(ends) == len(cells["types"]) == n_cells or nodes != (ends[-1] if n_cells else 0):
+            raise ResultsError(path, "a piece has other numbers of points or cells than it states", "repeat the run")
         fields = []
         for kind, count in (("PointData", n_points), ("CellData", n_cells)):
             read = {a.get("Name"): arrays.read(a) for a in piece.findall(f"{kind}/DataArray")}
@@ -199,7 +201,7 @@ def _pieces(path):
                     raise ResultsError(path, f"field `{name}` has {len(field)} rows, expected {count}", "repeat the run")
             fields.append(read)
         yield (
-            arrays.read(points).astype(np.float64),
+            points,
             cells["connectivity"].astype(np.int64),
             np.concatenate([[0], ends]),
             cells["types"].astype(np.uint8),
@@ -232,7 +234,7 @@ class _Arrays:
             # As machines have it, not as the file has it.
             array = array.astype(dtype.newbyteorder("="))
             return array.reshape(-1, width) if width > 1 else array
-        except (ValueError, IndexError, struct.error, zlib.error, RuntimeError) as error:
+        except (ValueError, IndexError, zlib.error) as error:
             raise ResultsError(
                 self.path, f"the array `{element.get('Name')}` is damaged ({error})", "repeat the run"
             ) from error
@@ -249,25 +251,37 @@ class _Arrays:
             data = base64.b64decode(text[: _base64_length(size)])
             head = int(np.frombuffer(data[:size], self.header)[0])
             whole = base64.b64decode(text)[size:]
-            # The head may be encoded alone.
-            return (whole if len(whole) == head else base64.b64decode(text[_base64_length(size) :]))[:head]
+            if len(whole) != head:
+                # The head may be encoded alone.
+                whole = base64.b64decode(text[_base64_length(size) :])
+            if len(whole) != head:
+                raise ValueError(f"{len(whole)} bytes instead of {head}")
+            return whole
         first = np.frombuffer(base64.b64decode(text[: _base64_length(size)])[:size], self.header)
         count = int(first[0])
         length = _base64_length(size * (3 + count))
         head = np.frombuffer(base64.b64decode(text[:length])[: size * (3 + count)], self.header).astype(np.int64)
+        if len(head) != 3 + count:
+            raise ValueError(f"its head names {count} blocks")
         whole, last, stored = int(head[1]), int(head[2]), head[3:]
         data, at, blocks = base64.b64decode(text[length:]), 0, []
         for number, nbytes in enumerate(stored):
             expected = last if number == count - 1 and last else whole
             blocks.append(self.decompressed(data[at : at + nbytes], expected))
             at += nbytes
+        if at != len(data):
+            raise ValueError(f"{len(data)} bytes instead of {at}")
         return b"".join(blocks)
 
     def decompressed(self, block, size):
         if self.compressor == "vtkZLibDataCompressor":
             return zlib.decompress(block)
         if self.compressor == "vtkLZ4DataCompressor":
-            return need("lz4.block", "ripstop.results").decompress(block, uncompressed_size=size)
+            lz4 = need("lz4.block", "ripstop.results")
+            try:
+                return lz4.decompress(block, uncompressed_size=size)
+            except lz4.LZ4BlockError as error:
+                raise ValueError(error) from error
         raise self.unreadable(f"the compression {self.compressor}")
 
 
