@@ -67,7 +67,7 @@ class Keys(unittest.TestCase):
             with self.subTest(key), self.assertRaisesRegex(SceneError, message):
                 self.scene[key]
         for key, message in [
-            ("stage.fly.window_s", "no `fly` in `stage`"),
+            ("stage.dive.window_s", "no `dive` in `stage`"),
             ("stage.window_s", "write stage.NAME.KEY with one of the names fill, fall"),
             ("name.x", "`name` is a value"),
         ]:
