@@ -267,7 +267,10 @@ class _Arrays:
         data, at, blocks = base64.b64decode(text[length:]), 0, []
         for number, nbytes in enumerate(stored):
             expected = last if number == count - 1 and last else whole
-            blocks.append(self.decompressed(data[at : at + nbytes], expected))
+            block = self.decompressed(data[at : at + nbytes], expected)
+            if len(block) != expected:
+                raise ValueError(f"a block of {len(block)} bytes instead of {expected}")
+            blocks.append(block)
             at += nbytes
         if at != len(data):
             raise ValueError(f"{len(data)} bytes instead of {at}")
