@@ -171,7 +171,8 @@ class Scene:
         near = difflib.get_close_matches(part, names, 1)
         hint = f"did you mean `{near[0]}`? " if near else ""
         raise SceneError(
-            f"`{key}`: {self.path or 'the scene'} has no `{part}` in {what}; {hint}it has: {', '.join(names) or 'nothing'}. "
+            f"`{key}`: {self.path or 'the scene'} has no `{part}` in {what}; {hint}"
+            f"it has: {', '.join(names) or 'nothing'}. "
             "Keys that the file does not name have the defaults of docs/reference/scene.md"
         )
 
@@ -210,7 +211,9 @@ class Scene:
         if code != 0:
             found = [f for f in _findings(text) if f["severity"] == "error"]
             lines = [f"{f['text']} [{f['check']}]\n  range: {f['range']}\n  remedy: {f['remedy']}" for f in found]
-            raise SceneError("\n".join(lines) or errors.strip() or f"`ripstop check` failed with exit code {code}", code)
+            raise SceneError(
+                "\n".join(lines) or errors.strip() or f"`ripstop check` failed with exit code {code}", code
+            )
         return Check(text)
 
     def run(self, out=None, resume=False, ranks=None, quiet=False, **options):
@@ -273,7 +276,9 @@ class Scene:
     def _name(self):
         name = self.get("name")
         if not name:
-            raise SceneError(f"{self.path or 'the scene'} has no `name`: set scene['name'], or name a folder with `out`")
+            raise SceneError(
+                f"{self.path or 'the scene'} has no `name`: set scene['name'], or name a folder with `out`"
+            )
         return name
 
     def _file(self, out):

@@ -7,7 +7,7 @@ import unittest
 import numpy as np
 from common import copy_of_run, file, needs_program, scratch, square_run, square_scene
 
-from ripstop import ResultsError, Scene, program, save_state, write_shape
+from ripstop import ResultsError, Scene, save_state, write_shape
 from ripstop.results import Run, State
 
 

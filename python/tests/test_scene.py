@@ -50,9 +50,7 @@ class Keys(unittest.TestCase):
             # Plain types, which json and numpy accept.
             self.assertIs(type(self.scene[key]), type(value), key)
         self.assertEqual(self.scene.stages, ["fill", "fall"])
-        self.assertEqual(
-            self.scene.keys()[:4], ["name", "fabric.poisson_ratio", "flow.grid.layers", "stage.fill.name"]
-        )
+        self.assertEqual(self.scene.keys()[:4], ["name", "fabric.poisson_ratio", "flow.grid.layers", "stage.fill.name"])
         self.assertTrue("flow.grid.layers" in self.scene and "flow.grid.none" not in self.scene)
         self.assertEqual(self.scene.get("flow.grid.none", 7), 7)
 
@@ -151,11 +149,16 @@ class Files(unittest.TestCase):
 
     def test_options(self):
         words = program.options(
-            {"stop_after_windows": 2, "resume": True, "quiet": False, "out": None, "ranks": {"flow": 2, "mesh": 1}, "set": ["a=1", "b=2"]}
+            {
+                "stop_after_windows": 2,
+                "resume": True,
+                "quiet": False,
+                "out": None,
+                "ranks": {"flow": 2, "mesh": 1},
+                "set": ["a=1", "b=2"],
+            }
         )
-        self.assertEqual(
-            " ".join(words), "--stop-after-windows 2 --resume --ranks flow=2,mesh=1 --set a=1 --set b=2"
-        )
+        self.assertEqual(" ".join(words), "--stop-after-windows 2 --resume --ranks flow=2,mesh=1 --set a=1 --set b=2")
 
 
 class Commands(unittest.TestCase):
@@ -172,7 +175,9 @@ class Commands(unittest.TestCase):
 
     def test_check_of_a_changed_scene_refuses(self):
         self.scene["descent.payload_mas_kg"] = 1.0
-        with self.assertRaisesRegex(SceneError, r"scene.toml \(changed\):\d+:1: unknown key `payload_mas_kg`") as caught:
+        with self.assertRaisesRegex(
+            SceneError, r"scene.toml \(changed\):\d+:1: unknown key `payload_mas_kg`"
+        ) as caught:
             self.scene.check()
         self.assertEqual(caught.exception.code, 2)
         del self.scene["descent.payload_mas_kg"]

@@ -138,9 +138,7 @@ class Snapshots(unittest.TestCase):
         text = f'<VTKFile type="Collection"><Collection>{"".join(entries)}</Collection></VTKFile>'
         path = file("v/flow.pvd", text)
         folder = path.parent / "flow"
-        self.assertEqual(
-            read_series(path), [(0.1, [folder / "a.vtu", folder / "b.vtu"]), (0.2, [folder / "c.vtu"])]
-        )
+        self.assertEqual(read_series(path), [(0.1, [folder / "a.vtu", folder / "b.vtu"]), (0.2, [folder / "c.vtu"])])
         with self.assertRaisesRegex(ResultsError, "an entry has no time"):
             read_series(file("v/flow.pvd", text.replace('timestep="0.2"', 'timestep="x"')))
 

@@ -54,7 +54,8 @@ class Tables(unittest.TestCase):
     def test_sweep_keeps_words_and_vectors_as_text(self):
         text = (
             "run,descent.payload_mass_kg,coupling.scheme,flow.wind_m_s,ended,time_s,wake,drag_n,drag_n_interval_95\n"
-            'a,4,implicit,"[1, 0, 0]",complete,0.1,,46.5,0.5\nb,6,staggered,"[0, 1, 0]","failed, why",0,wake.periods,,\n'
+            'a,4,implicit,"[1, 0, 0]",complete,0.1,,46.5,0.5\n'
+            'b,6,staggered,"[0, 1, 0]","failed, why",0,wake.periods,,\n'
         )
         table = read_sweep(file("s/sweep.csv", text).parent)
         self.assertEqual(list(table.index), ["a", "b"])
@@ -65,7 +66,9 @@ class Tables(unittest.TestCase):
         self.assertEqual(table["drag_n"]["a"], 46.5)
         self.assertTrue(math.isnan(table["drag_n"]["b"]))
         units = table.attrs["units"]
-        self.assertEqual([units[n] for n in ("descent.payload_mass_kg", "drag_n_interval_95", "ended")], ["kg", "N", ""])
+        self.assertEqual(
+            [units[n] for n in ("descent.payload_mass_kg", "drag_n_interval_95", "ended")], ["kg", "N", ""]
+        )
         with self.assertRaisesRegex(ResultsError, "no table of a sweep"):
             read_sweep(file("none/x.csv", "").parent)
 

@@ -17,7 +17,7 @@ import json
 from pathlib import Path
 
 from .. import program
-from ..errors import ResultsError, RipstopError, need
+from ..errors import ResultsError, need
 from .state import State, last_state
 from .tables import read_sweep, read_table
 from .units import unit_of
@@ -114,7 +114,7 @@ class Run:
 
     @property
     def status(self):
-        """"complete", "running", "stopped as asked in stage `...`" (`--stop-after-windows`),
+        """One of "complete", "running", "stopped as asked in stage `...`" (`--stop-after-windows`),
         "killed, or running on another machine, in stage `...`" without its summary, or the
         error that ended the run."""
         if self.running:

@@ -107,7 +107,9 @@ def read_sweep(folder):
     path = Path(folder) / "sweep.csv"
     if not path.is_file():
         raise ResultsError(
-            path, "there is no table of a sweep", "run `ripstop sweep`, or `ripstop sweep --table` for an incomplete one"
+            path,
+            "there is no table of a sweep",
+            "run `ripstop sweep`, or `ripstop sweep --table` for an incomplete one",
         )
     pandas = need("pandas", "ripstop.results")
     text = complete_lines(path)

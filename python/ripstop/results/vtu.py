@@ -191,14 +191,20 @@ def _pieces(path):
             raise ResultsError(path, "a piece has no points or no cells", "repeat the run")
         points, ends = arrays.read(points).astype(np.float64), cells["offsets"].astype(np.int64)
         nodes = len(cells["connectivity"])
-        if len(points) != n_points or not len(ends) == len(cells["types"]) == n_cells or nodes != (ends[-1] if n_cells else 0):
+        if (
+            len(points) != n_points
+            or not len(ends) == len(cells["types"]) == n_cells
+            or nodes != (ends[-1] if n_cells else 0)
+        ):
             raise ResultsError(path, "a piece has other numbers of points or cells than it states", "repeat the run")
         fields = []
         for kind, count in (("PointData", n_points), ("CellData", n_cells)):
             read = {a.get("Name"): arrays.read(a) for a in piece.findall(f"{kind}/DataArray")}
             for name, field in read.items():
                 if len(field) != count:
-                    raise ResultsError(path, f"field `{name}` has {len(field)} rows, expected {count}", "repeat the run")
+                    raise ResultsError(
+                        path, f"field `{name}` has {len(field)} rows, expected {count}", "repeat the run"
+                    )
             fields.append(read)
         yield (
             points,
