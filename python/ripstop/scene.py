@@ -131,13 +131,11 @@ class Scene:
         if isinstance(table, list):
             names = ", ".join(_names(table))
             raise SceneError(f"`{key}`: write {'.'.join(parts[:-1])}.NAME.KEY with one of the names {names}")
-        before, old = self.text, table.get(parts[-1])
+        before = self.text
         try:
             new = tomlkit.item(_plain(value))
         except (TypeError, ValueError) as error:
             raise SceneError(f"`{key}`: {value!r} is no value of a scene ({error})") from None
-        if hasattr(old, "trivia") and hasattr(new, "trivia"):
-            new.trivia.comment_ws, new.trivia.comment = old.trivia.comment_ws, old.trivia.comment
         table[parts[-1]] = new
         if tomlkit.parse(self.text).unwrap() != self._document.unwrap():
             self._document = tomlkit.parse(before)

@@ -168,7 +168,7 @@ class Incomplete(unittest.TestCase):
         run = copy_of_run("running")
         self.assertFalse(run.running)
         with open(run.folder / ".lock", "rb") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             self.assertEqual((run.running, run.status, run.complete), (True, "running", False))
         self.assertTrue(run.complete)
         # A look at the lock leaves it free.

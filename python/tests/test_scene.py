@@ -146,6 +146,15 @@ class Files(unittest.TestCase):
         with mock.patch.dict(os.environ, {"RIPSTOP": "/none/ripstop"}):
             with self.assertRaisesRegex(RipstopError, "RIPSTOP names `/none/ripstop`"):
                 program.find()
+        # The variable comes before PATH, PATH before the checkout.
+        found = file("bin/ripstop", "#!/bin/sh\n")
+        found.chmod(0o755)
+        with mock.patch.dict(os.environ, {"RIPSTOP": "/none/ripstop", "PATH": str(found.parent)}):
+            self.assertRaises(RipstopError, program.find)
+            del os.environ["RIPSTOP"]
+            self.assertEqual(program.find(), str(found))
+        with mock.patch.dict(os.environ, {"RIPSTOP": str(found)}):
+            self.assertEqual(program.find(), str(found))
 
     def test_options(self):
         words = program.options(
@@ -238,12 +247,16 @@ class Commands(unittest.TestCase):
         run = Run(out)
         self.assertFalse(run.complete)
         self.assertRegex(run.status, "^interrupted in stage `pre-inflation`")
-        done = len(run.stage("pre-inflation").history)
+        before = run.stage("pre-inflation").history
+        done = len(before)
         self.assertTrue(0 < done < 200, done)
         self.assertEqual(run.stage("pre-inflation").state.windows, done)
         run = self.scene.run(out, resume=True, quiet=True)
         self.assertTrue(run.complete, run.status)
-        self.assertEqual(len(run.stage("pre-inflation").history), 200)
+        after = run.stage("pre-inflation").history
+        self.assertEqual(len(after), 200)
+        # The first windows are those of the first part, with their wall times: they did not run again.
+        self.assertTrue(after.iloc[:done].equals(before))
 
     def test_sweep(self):
         self.scene["stage.descent.duration_s"] = 0.01
