@@ -26,6 +26,15 @@ pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     Ok((lines.join("\n"), inspection))
 }
 
+/// The findings of the inspection as JSON: an array of [`results::finding::Finding`].
+///
+/// # Errors
+/// As [`report`].
+pub fn json(options: &RunOptions) -> Result<(String, Inspection), RunError> {
+    let inspection = inspection(&prepare(options)?, options)?;
+    Ok((serde_json::to_string_pretty(&inspection.findings).unwrap_or_default(), inspection))
+}
+
 /// The command lines of a stage.
 fn programs(prepared: &Prepared, options: &RunOptions, stage: usize) -> Result<Vec<String>, RunError> {
     let plan = LaunchPlan {

@@ -65,6 +65,9 @@ enum Command {
     Check {
         #[command(flatten)]
         scene: SceneArgs,
+        /// Print the findings as JSON
+        #[arg(long)]
+        json: bool,
     },
     /// List the effects that can be simulated; with a scene, estimate how much each changes its results,
     /// the largest change first
@@ -321,14 +324,17 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         }
         Command::Sweep(args) => {
             let stop = signals::stop_flag()?;
-            print(&studies::sweep::sweep(&args, &|set| scene_with(&args.scene, set), &stop, console)?);
-            Ok(())
+            let load = |set: &[String]| scene_with(&args.scene, set);
+            let (text, failed) = studies::sweep::sweep(&args, &load, &stop, console)?;
+            print(&text);
+            failed.map_or(Ok(()), Err)
         }
         Command::Regression(args) => regression(&args, console),
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),
-        Command::Check { scene } => {
-            let (text, inspection) = crate::check::report(&scene.options())?;
+        Command::Check { scene, json } => {
+            let what = if json { crate::check::json } else { crate::check::report };
+            let (text, inspection) = what(&scene.options())?;
             print(&text);
             inspection.verdict()
         }

@@ -1,6 +1,7 @@
 """Scenes: read, change, write, check, run, sweep."""
 
 import difflib
+import json
 import os
 import re
 import tempfile
@@ -18,11 +19,11 @@ _MARK = "# Written by ripstop.Scene from "
 
 class Check:
     """What `ripstop check` says about a scene without errors: `text`, and `findings`, a list
-    of dictionaries with `severity` ("note" or "warning"), `text`, `check`, `range` and `remedy`."""
+    of dictionaries with `severity` ("note" or "warning"), `check`, `key`, `place`, `figure`,
+    `range` and `remedy`."""
 
-    def __init__(self, text):
-        self.text = text
-        self.findings = _findings(text)
+    def __init__(self, text, findings):
+        self.text, self.findings = text, findings
 
     def __str__(self):
         return self.text
@@ -202,17 +203,23 @@ class Scene:
             file = self.path
             if self.path is None or self.changed:
                 file = self.write(Path(folder, "scene.toml"))
-            code, text, errors = program.output("check", file, *program.options(options))
+            words = ("check", file, *program.options(options))
+            code, found, errors = program.output(*words, "--json")
+            text = program.output(*words)[1] if code == 0 else ""
             if file != self.path:
                 name = f"{self.path} (changed)" if self.path else "scene"
-                text, errors = (t.replace(str(file), name) for t in (text, errors))
+                found, text, errors = (t.replace(str(file), name) for t in (found, text, errors))
+        findings = json.loads(found) if found.strip() else []
         if code != 0:
-            found = [f for f in _findings(text) if f["severity"] == "error"]
-            lines = [f"{f['text']} [{f['check']}]\n  range: {f['range']}\n  remedy: {f['remedy']}" for f in found]
+            wrong = [f for f in findings if f["severity"] == "error"]
+            lines = [
+                f"{f['place']}: {f['key']}: {f['figure']} [{f['check']}]\n  range: {f['range']}\n  remedy: {f['remedy']}"
+                for f in wrong
+            ]
             raise SceneError(
                 "\n".join(lines) or errors.strip() or f"`ripstop check` failed with exit code {code}", code
             )
-        return Check(text)
+        return Check(text, findings)
 
     def run(self, out=None, resume=False, ranks=None, quiet=False, **options):
         """Runs the scene with `ripstop run` and returns its `ripstop.results.Run`.
@@ -346,24 +353,3 @@ def _word(value):
     if isinstance(value, str):
         return value
     return need("tomlkit", "ripstop.Scene").item(value).as_string()
-
-
-_FINDING = re.compile(r"^  (error|warning|note): (.*) \[([\w.-]+)\]$")
-
-
-def _findings(text):
-    """Findings in the output of `ripstop check`, after the line `inspection:`."""
-    findings = []
-    lines = iter(text.splitlines())
-    if not any(line.startswith("inspection: ") for line in lines):
-        return findings
-    for line in lines:
-        found = _FINDING.match(line)
-        if found:
-            severity, words, check = found.groups()
-            findings.append({"severity": severity, "text": words, "check": check, "range": "", "remedy": ""})
-        elif findings:
-            name, _, words = line.strip().partition(":")
-            if name in ("range", "remedy"):
-                findings[-1][name] = words.strip()
-    return findings

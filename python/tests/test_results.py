@@ -152,6 +152,10 @@ class Incomplete(unittest.TestCase):
     def test_stopped_and_ended_early(self):
         run = copy_of_run("stopped")
         summary = run.summary
+        # What a run that was killed in its last stage leaves.
+        (run.folder / "summary.json").write_text(json.dumps({**summary, "ended": "running"}))
+        self.assertFalse(run.complete)
+        self.assertRegex(run.status, "^killed.* in stage `descent`")
         summary["stages"][2]["ended"] = "stopped as asked"
         (run.folder / "summary.json").write_text(json.dumps(summary))
         self.assertEqual((run.complete, run.status), (False, "stopped as asked in stage `descent`"))

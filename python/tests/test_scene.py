@@ -174,6 +174,8 @@ class Commands(unittest.TestCase):
     def setUp(self):
         needs_program()
         self.scene = Scene.read(SQUARE)
+        # Two programs of one rank at a time fit on two cores.
+        self.scene["ranks"] = {"flow": 1, "mesh": 1}
 
     def test_check(self):
         found = self.scene.check()
@@ -275,10 +277,17 @@ class Commands(unittest.TestCase):
         self.assertEqual((out / table.index[0] / "summary.json").stat().st_mtime_ns, before)
 
     def test_sweep_warns_of_runs_that_fail(self):
-        self.scene["stage.pre-inflation.duration_s"] = 0.2
-        with self.assertWarnsRegex(UserWarning, "1 of 1 runs .* not complete; .*too distorted"):
-            table = self.scene.sweep({"fabric.wrinkling": [True]}, out=scratch() / "failing", quiet=True)
+        self.scene["stage.descent.duration_s"] = 0.01
+        vary = {"stage.pre-inflation.duration_s": [0.2, 1.0]}
+        with self.assertWarnsRegex(UserWarning, "1 of 2 runs .* not complete; .*too distorted"):
+            table = self.scene.sweep(vary, out=scratch() / "failing", quiet=True)
         self.assertIn("too distorted", table["ended"].iloc[0])
+        self.assertEqual(table["ended"].iloc[1], "complete")
+        # Without a complete run it is an error that has the table.
+        vary = {"stage.pre-inflation.duration_s": [0.2]}
+        with self.assertRaisesRegex(RunError, "no run of the sweep is complete") as caught:
+            self.scene.sweep(vary, out=scratch() / "failing", quiet=True)
+        self.assertIn("too distorted", caught.exception.table["ended"].iloc[0])
         with self.assertRaises(RunError) as caught, warnings.catch_warnings():
             warnings.simplefilter("error")
             self.scene.sweep({"fabric.wrinklin": [True]}, out=scratch() / "unknown", quiet=True)

@@ -20,6 +20,8 @@ fn alone() -> MutexGuard<'static, ()> {
 
 /// Time within which all processes end.
 const GONE: Duration = Duration::from_secs(5);
+/// Ranks of the runs: programs of two ranks, which one fault must end all.
+const RANKS: [&str; 2] = ["--ranks", "flow=2,mesh=2"];
 /// Polling interval.
 const PAUSE: Duration = Duration::from_millis(50);
 
@@ -27,7 +29,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 fn long_run(folder: &Path) -> (Child, std::path::PathBuf) {
     let scene = changed_scene("square-drop", folder, &[("duration_s = 0.1\n", "duration_s = 50.0\n")]);
     let out = folder.join("out");
-    (start(ripstop_run(&scene, &out, &[])), out)
+    (start(ripstop_run(&scene, &out, &RANKS)), out)
 }
 
 fn wait_for_windows(out: &Path, windows: usize) {
@@ -118,7 +120,7 @@ fn killed_coupler_ends_its_programs_and_the_next_run_succeeds() {
     let gone = Limit::new(GONE).until(PAUSE, || processes_naming(&mark).is_empty());
     assert!(gone.is_ok(), "left: {:?}: {gone:?}", processes_naming(&mark));
     let scene = changed_scene("square-drop", folder.path(), &[("duration_s = 0.1\n", "duration_s = 0.01\n")]);
-    ripstop_tests::succeed(ripstop_run(&scene, &folder.path().join("again"), &[]));
+    ripstop_tests::succeed(ripstop_run(&scene, &folder.path().join("again"), &RANKS));
 }
 
 #[test]

@@ -17,9 +17,13 @@ fn text(output: &Output) -> String {
 }
 
 /// Records two windows of each stage of `scene`.
+/// Two ranks of flow and mesh: their replies are replayed on other numbers of ranks.
+const RANKS: [&str; 2] = ["--ranks", "flow=2,mesh=2"];
+
 fn record(scene: &Path, folder: &Path, name: &str) -> PathBuf {
     let (out, recording) = (folder.join(format!("{name}-out")), folder.join(name));
-    let words = ["--stop-after-windows", "2", "--record", recording.to_str().expect("UTF-8")];
+    let words =
+        ["--stop-after-windows", "2", "--record", recording.to_str().expect("UTF-8"), RANKS[0], RANKS[1]];
     succeed(ripstop_run(scene, &out, &words));
     recording
 }
@@ -172,13 +176,17 @@ fn first_deviation_is_reported_by_channel_and_window() {
     }
 
     let words = ["--baseline", path(&reference), "--stop-at-deviation", "--stop-after-windows", "2"];
-    let output = ripstop_run(&changed, &folder.path().join("c"), &words).output().expect("it starts");
+    let output = ripstop_run(&changed, &folder.path().join("c"), &[&words[..], &RANKS].concat())
+        .output()
+        .expect("it starts");
     assert_eq!(output.status.code(), Some(3), "{}", text(&output));
     let says = "stage `pre-inflation`, window 0, coupling iteration 0: the run deviates from its baseline";
     assert!(text(&output).contains(says), "{}", text(&output));
     // Without that option the run is complete, and says so with the same code.
     let words = ["--baseline", path(&reference), "--stop-after-windows", "2"];
-    let output = ripstop_run(&changed, &folder.path().join("e"), &words).output().expect("it starts");
+    let output = ripstop_run(&changed, &folder.path().join("e"), &[&words[..], &RANKS].concat())
+        .output()
+        .expect("it starts");
     assert_eq!(output.status.code(), Some(3), "{}", text(&output));
     let said = text(&output);
     assert!(said.contains("deviates from its baseline") && said.contains("descent: "), "{said}");
@@ -193,7 +201,7 @@ fn first_deviation_is_reported_by_channel_and_window() {
         "--stop-after-windows",
         "2",
     ];
-    succeed(ripstop_run(&scene("square-drop"), &folder.path().join("d"), &words));
+    succeed(ripstop_run(&scene("square-drop"), &folder.path().join("d"), &[&words[..], &RANKS].concat()));
 }
 
 /// The coupler prints the commands to start, waits, reports the ranks that have joined, and runs.

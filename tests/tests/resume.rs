@@ -106,6 +106,8 @@ fn resumed_run_is_bitwise_identical() {
         assert_eq!(code, Some(130), "{text}");
         assert!(text.contains(&format!("of stage `{stage}`; resume with: ")), "{text}");
         assert!(!text.contains("the coupler ended the run"), "{text}");
+        let summary = std::fs::read_to_string(parts.join("summary.json")).expect("a summary");
+        assert!(summary.contains("\"ended\": \"interrupted in stage"), "{summary}");
         let printed = text.split_once("resume with: ").expect("a command").1.lines().next().expect("a line");
         assert!(printed.contains("--set output.checkpoint_every_windows=1000"), "{printed}");
         assert!(printed.ends_with("--resume"), "{printed}");
@@ -116,6 +118,9 @@ fn resumed_run_is_bitwise_identical() {
     let run = start(ripstop_run(&scene, &parts, &["--resume", "--checkpoint-every", "2"]));
     let (code, text) = cut(run, &parts, "descent", 5, Signal::KILL);
     assert_eq!(code, None, "{text}");
+    // The summary is not that of an earlier run in the folder.
+    let summary = std::fs::read_to_string(parts.join("summary.json")).expect("a summary");
+    assert!(summary.contains("\n  \"ended\": \"running\""), "{summary}");
     let history = parts.join("descent/history.csv");
     let torn = std::fs::read_to_string(&history).expect("rows") + "7,4.0000";
     std::fs::write(&history, torn).expect("written");

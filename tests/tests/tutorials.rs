@@ -8,6 +8,7 @@
 //! |---|---|
 //! | `sh` | commands for bash; each must succeed. Variables that are exported and the folder hold for later blocks |
 //! | `sh exit=3` | the last command ends with this code |
+//! | `sh windows=20` | the test adds `--stop-after-windows 20` to the last line, unless the variable `RIPSTOP_WHOLE_TUTORIALS` is set |
 //! | `toml file=NAME` (any language) | a file to write |
 //! | `text` | what the last commands print, on either stream |
 //! | `text tolerance=1%` | numbers agree to that share |
@@ -242,6 +243,16 @@ fn execute(text: &str, folder: &Path, limit: &Limit) -> Ran {
     Ran { code, output, line: read("line").ok().and_then(|l| l.trim().parse().ok()) }
 }
 
+/// The commands of a block, with the last run ended after the windows that the block names.
+fn shortened(block: &Block) -> String {
+    match block.value("windows") {
+        Some(n) if std::env::var_os("RIPSTOP_WHOLE_TUTORIALS").is_none() => {
+            format!("{} --stop-after-windows {n}\n", block.text.trim_end())
+        }
+        _ => block.text.clone(),
+    }
+}
+
 /// Does what a page says, and demands what it shows.
 fn follow(name: &str, page: &str) -> Result<(), String> {
     let folder = workplace();
@@ -252,7 +263,7 @@ fn follow(name: &str, page: &str) -> Result<(), String> {
         if let Some(file) = block.value("file") {
             fs::write(folder.path().join(file), &block.text).map_err(|e| format!("{place}: {file}: {e}"))?;
         } else if block.is("sh") {
-            let ran = execute(&block.text, folder.path(), &limit);
+            let ran = execute(&shortened(block), folder.path(), &limit);
             let expected = block.value("exit").map_or(0, |code| code.parse().expect("an exit code"));
             if ran.code != expected {
                 let line = ran.line.unwrap_or(1);

@@ -21,7 +21,7 @@ use coupling::interface::CanopyInterface;
 use coupling::schemes::InterfaceState;
 use figures::plot;
 use results::state;
-use results::summary::{RunSummary, StageSummary};
+use results::summary::{COMPLETE, RUNNING, RunSummary, StageSummary};
 use results::timings::StageTimings;
 use results::wake::Wake;
 use terminal::Console;
@@ -103,7 +103,11 @@ impl<'a> Run<'a> {
         Session::remove_leftovers();
         let before = resume.as_mut().map(|r| std::mem::take(&mut r.summaries)).unwrap_or_default();
         let summary = RunSummary { inspection: inspection.above_notes(), ..summary_of(scene, before) };
-        Ok(Self { options, prepared, stop, console, stages, resume, identity, summary, start, _lock: lock })
+        let mut run =
+            Self { options, prepared, stop, console, stages, resume, identity, summary, start, _lock: lock };
+        // Replaces that of an earlier run in this folder, which would stay where this one is killed.
+        run.write_summary(RUNNING)?;
+        Ok(run)
     }
 
     /// Interface values before the first stage to run.
@@ -161,7 +165,12 @@ impl<'a> Run<'a> {
         }
         let (name, roles) = (&description.name, self.prepared.scene.roles(description));
         self.summary.timings.push(StageTimings::collect(name, &folder, roles, timing::take()));
+        if ended.is_err() && summary.ended == COMPLETE {
+            // Before its first window.
+            summary.ended = "failed".into();
+        }
         self.summary.stages.push(summary);
+        self.write_summary(RUNNING)?;
         ended
     }
 
@@ -189,15 +198,19 @@ impl<'a> Run<'a> {
         }
     }
 
+    /// Writes `summary.json` of the stages so far.
+    fn write_summary(&mut self, ended: &str) -> Result<(), RunError> {
+        self.summary.ended = ended.into();
+        self.summary.wall_s = self.start.elapsed().as_secs_f64();
+        self.summary.warnings = self.console.warnings();
+        self.summary.write(&self.prepared.out)
+    }
+
     /// Writes the summary and plots the histories, also after an error in `ended`.
     fn close(mut self, ended: &Result<(), RunError>) -> Result<RunSummary, RunError> {
         let Prepared { scene, out, interface, .. } = self.prepared;
-        if let Err(error) = ended {
-            self.summary.ended = error.to_string();
-        }
-        self.summary.wall_s = self.start.elapsed().as_secs_f64();
-        self.summary.warnings = self.console.warnings();
-        self.summary.write(out)?;
+        let how = ended.as_ref().map_or_else(ToString::to_string, |()| COMPLETE.into());
+        self.write_summary(&how)?;
         if let Err(error) = plots(scene, out, interface) {
             self.console.warning(&error.to_string());
         }
@@ -217,7 +230,7 @@ fn already_complete(scene: &Scene, resume: &Resume, console: &Console) -> RunSum
 fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
     RunSummary {
         scene: scene.name.clone(),
-        ended: "complete".into(),
+        ended: COMPLETE.into(),
         version: env!("CARGO_PKG_VERSION"),
         started_utc: terminal::utc_now(),
         command: std::env::args().collect(),

@@ -18,6 +18,7 @@ const USERS: &[(&str, &str, &str)] = &[
         "File to which the first rank writes the times of the named parts of its work, JSON. `ripstop` sets it and \
          collects the file in `summary.json`.",
     ),
+    ("RIPSTOP", "programs in Python", "Path of the program `ripstop`, instead of the one on `PATH`."),
     ("NO_COLOR", "ripstop", "If set, output on the terminal has no colours."),
 ];
 
@@ -43,6 +44,11 @@ const TESTS: &[(&str, &str, &str)] = &[
         "RIPSTOP_BROWSER",
         "tests of the report",
         "Browser that opens the report, instead of the first one on `PATH`.",
+    ),
+    (
+        "RIPSTOP_WHOLE_TUTORIALS",
+        "test of the tutorials",
+        "If set, the runs of the tutorials are not ended early.",
     ),
     (
         "RIPSTOP_SWEEP_LIST",

@@ -30,6 +30,11 @@ pub const STAGE_PARTS: [(&str, &str); 5] = [
     ("waiting_s", "waiting"),
 ];
 
+/// `ended` of a run or stage that is complete.
+pub const COMPLETE: &str = "complete";
+/// `ended` of a run that runs, or was killed.
+pub const RUNNING: &str = "running";
+
 /// Summary of a stage.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct StageSummary {
@@ -189,7 +194,7 @@ impl StageSummary {
             deviates: false,
             windows: 0,
             time_s: 0.0,
-            ended: "complete".into(),
+            ended: COMPLETE.into(),
             wall_s: 0.0,
             structure_busy_s: 0.0,
             flow_busy_s: 0.0,
@@ -446,7 +451,7 @@ impl StageSummary {
 pub struct RunSummary {
     /// Name of the scene.
     pub scene: String,
-    /// `complete`, or the reason of an early end.
+    /// `complete`, `running` (also of a run that was killed), or the reason of an early end.
     pub ended: String,
     /// Version of `ripstop`.
     pub version: &'static str,

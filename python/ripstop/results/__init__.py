@@ -66,8 +66,8 @@ class Run:
 
     @property
     def summary(self):
-        """`summary.json` as a dictionary (docs/reference/results.md). `ripstop` writes it at
-        the end of a run: before, `ResultsError`."""
+        """`summary.json` as a dictionary (docs/reference/results.md). `ripstop` writes it at the
+        start of a run, and at the end of each stage."""
         summary = self._summary()
         if summary is None:
             raise ResultsError(
@@ -121,7 +121,7 @@ class Run:
             return "running"
         summary = self._summary()
         stages = self.stages
-        if summary is None:
+        if summary is None or summary["ended"] == "running":
             return f"{_KILLED} in stage `{stages[-1]}`" if stages else f"{_KILLED} before its first window"
         for found in summary["stages"]:
             # The summary of an earlier run in this folder: the last one was killed before it wrote its own.

@@ -58,7 +58,7 @@ struct Sweep<'a> {
     scenes: Vec<Scene>,
 }
 
-/// Runs a sweep, and returns the table of its results. `load` reads the scene with settings `KEY=VALUE`.
+/// Runs a sweep, and returns the table of its results, and the error of a sweep of which no run is complete. `load` reads the scene with settings `KEY=VALUE`.
 ///
 /// # Errors
 /// An invalid scene of any run (nothing runs then); an interruption; file errors. A failed run is a result, not an error.
@@ -67,16 +67,19 @@ pub fn sweep(
     load: &dyn Fn(&[String]) -> Result<Scene, RunError>,
     stop: &AtomicBool,
     console: &Console,
-) -> Result<String, RunError> {
+) -> Result<(String, Option<RunError>), RunError> {
     let sweep = Sweep::new(args, load)?;
     if args.dry_run {
         let names: Vec<String> = sweep.points.iter().map(|p| format!("  {}", p.name)).collect();
-        return Ok(names.join("\n"));
+        return Ok((names.join("\n"), None));
     }
     std::fs::create_dir_all(&sweep.out).map_err(RunError::file("create", &sweep.out))?;
     let ended = if args.table { Ok(()) } else { sweep.run(stop, console) };
     let text = sweep.collect()?;
-    ended.map(|()| text)
+    let any = (0..sweep.points.len()).any(|at| collect::is_complete(&sweep.folder(at), &sweep.scenes[at]));
+    let none = (!any && !args.table)
+        .then(|| RunError::Study("no run of the sweep is complete; see `ended` in its table".into()));
+    ended.map(|()| (text, none))
 }
 
 impl<'a> Sweep<'a> {
