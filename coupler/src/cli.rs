@@ -43,7 +43,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Write a commented scene of a canopy type, to start from
+    /// Write a commented scene of a canopy type, or a package of a solver program, to start from
     New(crate::new_command::NewArgs),
     /// Run a scene: start the programs of each stage, couple them, write results
     #[command(after_help = CODES)]
@@ -306,7 +306,7 @@ pub fn main() -> ExitCode {
 
 fn execute(command: Command, console: &Console) -> Result<(), RunError> {
     match command {
-        Command::New(args) => printed(crate::new_command::new_scene(&args)),
+        Command::New(args) => printed(crate::new_command::new(&args)),
         Command::Run(RunCommand { run, only }) => run_scene(run, |o| RunOptions { only, ..o }, console),
         Command::Attach(AttachArgs { run, only }) => {
             let attach = if only.is_empty() { Role::ALL.to_vec() } else { only };

@@ -16,5 +16,6 @@
 pub mod codec;
 mod file;
 pub mod hash;
+pub mod shape;
 
 pub use file::{Error, HEAD, if_present, load, load_or_earlier, save, write_whole};

@@ -5,36 +5,17 @@ use std::path::Path;
 
 use archive::codec::compact;
 use archive::hash::fnv1a_of_numbers;
-use serde::{Deserialize, Serialize};
+use archive::shape::{MAGIC, Shape, VERSION};
 
 use crate::vtk::write_aside;
 use crate::{MeshError, Point};
-
-const MAGIC: [u8; 8] = *b"ripshape";
-const VERSION: u32 = 1;
-
-#[derive(Serialize, Deserialize)]
-struct File {
-    magic: [u8; 8],
-    version: u32,
-    count: u64,
-    checksum: u64,
-    positions: Vec<Point>,
-}
 
 /// Saves the positions of the canopy nodes, m, in the order of the interface.
 ///
 /// # Errors
 /// The file cannot be written.
 pub fn save_shape(path: &Path, positions: &[Point]) -> Result<(), MeshError> {
-    let file = File {
-        magic: MAGIC,
-        version: VERSION,
-        count: positions.len() as u64,
-        checksum: fnv1a_of_numbers(positions.as_flattened()),
-        positions: positions.to_vec(),
-    };
-    let bytes = compact::encode(&file);
+    let bytes = archive::shape::encode(positions);
     write_aside(path, |out| out.write_all(&bytes).map_err(|e| e.to_string()))
 }
 
@@ -48,7 +29,7 @@ pub fn load_shape(path: &Path, expected: usize) -> Result<Vec<Point>, MeshError>
     if bytes.get(..8) != Some(&MAGIC) {
         return Err(bad("is not a canopy shape file of ripstop".into()));
     }
-    let file: File = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
+    let file: Shape = compact::decode(&bytes).map_err(|e| bad(format!("is damaged: {e}")))?;
     if file.version != VERSION {
         return Err(bad(format!(
             "has format version {}, but this program reads version {VERSION}",

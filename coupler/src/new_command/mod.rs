@@ -1,4 +1,6 @@
-//! `ripstop new`: a commented scene of a canopy type.
+//! `ripstop new`: a commented scene of a canopy type, or a package of a solver program.
+
+mod participant;
 
 use std::fs::OpenOptions;
 use std::io::{ErrorKind, Write as _};
@@ -7,12 +9,22 @@ use std::path::PathBuf;
 use canopies::{CanopyType, Experiment, SceneSizes};
 use coupling::error::RunError;
 
+/// What `ripstop new` writes instead of a scene.
+#[derive(clap::Subcommand, Clone, Debug)]
+enum Package {
+    /// Write a package of a solver program that replaces one of Ripstop's, in Rust or Python; it passes `ripstop conform`
+    Participant(participant::ParticipantArgs),
+}
+
 /// Arguments of `ripstop new`.
 #[derive(clap::Args, Clone, Debug)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct NewArgs {
+    #[command(subcommand)]
+    package: Option<Package>,
     /// Type of the canopy
-    #[arg(value_parser = canopy_type(), value_name = "TYPE")]
-    canopy: CanopyType,
+    #[arg(value_parser = canopy_type(), value_name = "TYPE", required = true)]
+    canopy: Option<CanopyType>,
     /// Nominal diameter, m: that of a circle with the area of all fabric and openings
     #[arg(long, value_name = "M", default_value_t = 8.53, value_parser = from(0.05, 200.0))]
     diameter: f64,
@@ -47,11 +59,21 @@ fn from(low: f64, high: f64) -> impl Fn(&str) -> Result<f64, String> + Clone + S
     }
 }
 
-/// Writes the scene; returns what to print.
+/// Writes the scene or the package; returns what to print.
 ///
 /// # Errors
 /// [`RunError::Input`]: the file exists already or cannot be written.
-pub fn new_scene(args: &NewArgs) -> Result<String, RunError> {
+pub fn new(args: &NewArgs) -> Result<String, RunError> {
+    match (&args.package, args.canopy) {
+        (Some(Package::Participant(args)), _) => participant::new_participant(args),
+        (None, Some(canopy)) => new_scene(args, canopy),
+        (None, None) => {
+            Err(RunError::Input("name a type of canopy, or `participant`; see `ripstop new --help`".into()))
+        }
+    }
+}
+
+fn new_scene(args: &NewArgs, canopy: CanopyType) -> Result<String, RunError> {
     let (experiment, usual_speed) =
         if args.wind_tunnel { (Experiment::WindTunnel, 6.0) } else { (Experiment::Opening, 20.0) };
     let sizes = SceneSizes {
@@ -60,8 +82,8 @@ pub fn new_scene(args: &NewArgs) -> Result<String, RunError> {
         speed_m_s: args.speed.unwrap_or(usual_speed),
         experiment,
     };
-    let text = canopies::scene(args.canopy, &sizes);
-    let file = args.out.clone().unwrap_or_else(|| format!("{}.toml", args.canopy.name()).into());
+    let text = canopies::scene(canopy, &sizes);
+    let file = args.out.clone().unwrap_or_else(|| format!("{}.toml", canopy.name()).into());
     if file.as_os_str() == "-" {
         return Ok(text.trim_end().to_owned());
     }
@@ -76,5 +98,5 @@ pub fn new_scene(args: &NewArgs) -> Result<String, RunError> {
     open.write_all(text.as_bytes())
         .map_err(|e| RunError::Input(format!("cannot write the scene {}: {e}", file.display())))?;
     let name = file.display();
-    Ok(format!("{name}: {}\nnext: ripstop check {name}; ripstop run {name}", args.canopy.description()))
+    Ok(format!("{name}: {}\nnext: ripstop check {name}; ripstop run {name}", canopy.description()))
 }
