@@ -88,6 +88,8 @@ fn killed_program_ends_the_run_and_is_named() {
         let (code, text) = end_of(run, &limit);
         assert_eq!(code, Some(1), "{program}: {text}");
         assert!(text.contains(program), "{program} is not named: {text}");
+        // Whichever rank died.
+        assert!(text.contains("signal 9 SIGKILL"), "{program}, rank {rank}: the signal is not named: {text}");
         nothing_left(&out, coupler);
         // Results are kept.
         assert!(History::read(&out, "descent").len() >= 2);
