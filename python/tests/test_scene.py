@@ -234,7 +234,9 @@ class Commands(unittest.TestCase):
 
         out = scratch() / "interrupted"
         code = (
-            f"import sys; sys.path.insert(0, {str(PACKAGE)!r})\nfrom ripstop import Scene\n"
+            # A shell that starts the tests in the background has SIGINT ignored.
+            "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+            f"sys.path.insert(0, {str(PACKAGE)!r})\nfrom ripstop import Scene\n"
             f"try:\n    Scene.read({str(SQUARE)!r}).run({str(out)!r})\n"
             "except KeyboardInterrupt:\n    sys.exit(77)"
         )

@@ -71,11 +71,13 @@ pub fn changed_scene(case: &str, folder: &Path, changes: &[(&str, &str)]) -> Pat
 /// time with two ranks of flow and mesh (the defaults of a scene) take 1.4 times as long on two cores.
 pub fn ripstop_run(scene: &Path, out: &Path, options: &[&str]) -> Command {
     let mut command = Command::new(program("ripstop"));
-    command.arg("run").arg(scene).arg("--out").arg(out).args(options);
+    command.arg("run").arg(scene).arg("--out").arg(out);
     let text = std::fs::read_to_string(scene).unwrap_or_default();
     if !options.contains(&"--ranks") && !text.contains("[ranks]") && !text.contains("ranks.") {
         command.args(["--ranks", "flow=1,mesh=1"]);
     }
+    // Last, so that a caller may add the value of the last option.
+    command.args(options);
     command
 }
 
