@@ -29,13 +29,25 @@ fn package(folder: &Path, role: &str) -> PathBuf {
 #[test]
 fn packages_build_conform_and_run_together() {
     let folder = tempfile::tempdir().expect("a folder");
-    let recording = folder.path().join("before");
-    let record = recording.to_str().expect("UTF-8");
-    let two = ["--stop-after-windows", "2", "--quiet"];
-    let recorded = [&two[..], &["--record", record]].concat();
-    succeed(ripstop_run(&scene("square-drop"), &folder.path().join("out"), &recorded));
-
     let programs = ROLES.map(|role| package(folder.path(), role).display().to_string());
+    let together = |name: &str, options: &[&str]| {
+        let mut all = vec!["--stop-after-windows", "2", "--quiet"];
+        for (option, command) in ["--structure", "--flow", "--mesh"].into_iter().zip(&programs) {
+            all.extend([option, command]);
+        }
+        let out = folder.path().join(name);
+        let mut run = ripstop_run(&scene("square-drop"), &out, &[&all[..], options].concat());
+        run.env("RIPSTOP", program("ripstop"));
+        succeed(run);
+        let history = History::read(&out, "descent");
+        assert_eq!(history.column("coupling_converged"), [1.0, 1.0]);
+        history.column("descent_speed_m_s").to_vec()
+    };
+    // All three at once, on one and on two processes of flow and mesh: the same results.
+    let recording = folder.path().join("recording");
+    let one = together("one", &["--record", recording.to_str().expect("UTF-8")]);
+    assert_eq!(one, together("two", &["--ranks", "flow=2,mesh=2"]));
+
     for (role, command) in ROLES.iter().zip(&programs) {
         let mut conform = Command::new(program("ripstop"));
         conform.args(["conform", role]).arg(&recording).args(["--command", command]);
@@ -50,18 +62,4 @@ fn packages_build_conform_and_run_together() {
         }
         assert!(!table.contains("FAILED"), "{table}");
     }
-
-    // All three at once, on one and on two processes of flow and mesh: the same results.
-    let speed = |ranks: &str| {
-        let out = folder.path().join(ranks);
-        let options =
-            ["--ranks", ranks, "--structure", &programs[0], "--flow", &programs[1], "--mesh", &programs[2]];
-        let mut run = ripstop_run(&scene("square-drop"), &out, &[&two[..], &options].concat());
-        run.env("RIPSTOP", program("ripstop"));
-        succeed(run);
-        let history = History::read(&out, "descent");
-        assert_eq!(history.column("coupling_converged"), [1.0, 1.0]);
-        history.column("descent_speed_m_s")
-    };
-    assert_eq!(speed("flow=1,mesh=1"), speed("flow=2,mesh=2"));
 }

@@ -162,9 +162,8 @@ impl Package<'_> {
             "# {}\n\n{} in place of the {} of Ripstop: [{file}]({file}). Change it into a model of yours.\n\n```sh\n{prepare}\
              export PATH={}/target/release:$PATH\n\
              SCENE={}/cases/square-drop/scene.toml\n\
-             ripstop run $SCENE --record before --out runs/before             # what Ripstop's own programs send and reply\n\
-             ripstop conform {role} before --command \"{command}\"   # protocol and physics, test by test\n\
-             ripstop run $SCENE --{role} \"{command}\" --out runs/mine\n```\n\n\
+             ripstop run $SCENE --{role} \"{command}\" --out runs/mine --record mine\n\
+             ripstop conform {role} mine --command \"{command}\"   # protocol and physics, test by test\n```\n\n\
              The rules: docs/how-to/replace-a-solver.md and docs/reference/contract.md in the sources of Ripstop.\n",
             self.name,
             capitalised(of(&MODELS, self.role)),
