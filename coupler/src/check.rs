@@ -29,7 +29,7 @@ pub fn report(options: &RunOptions) -> Result<(String, Inspection), RunError> {
 /// The findings of the inspection as JSON: an array of [`results::finding::Finding`].
 ///
 /// # Errors
-/// As [`report`].
+/// As [`report()`].
 pub fn json(options: &RunOptions) -> Result<(String, Inspection), RunError> {
     let inspection = inspection(&prepare(options)?, options)?;
     Ok((serde_json::to_string_pretty(&inspection.findings).unwrap_or_default(), inspection))
