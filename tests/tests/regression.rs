@@ -78,7 +78,9 @@ fn cases_are_recorded_compared_and_updated() {
     let (code, text) = regression(at, &[]);
     assert!(code == Some(0) && text.contains("2 cases: 2 as recorded"), "{text}");
 
-    // Refused before anything runs.
+    // Refused before anything runs: a tolerance that all results pass, and a wrong scene.
+    let (code, text) = regression(at, &["--tolerance", "1"]);
+    assert!(code == Some(2) && text.contains("less than 1"), "{text}");
     settings("b", &format!("{base}set = [\"fabric.poisson_ratio=0.7\"]\n"));
     let (code, text) = regression(at, &[]);
     assert!(code == Some(2) && text.contains("poisson_ratio") && !text.contains("1/2"), "{text}");

@@ -159,7 +159,7 @@ impl Package<'_> {
     fn readme(&self, file: &str, prepare: &str, command: &str) -> String {
         let role = self.role.name();
         format!(
-            "# {}\n\n{} in place of the {} of Ripstop: [{file}]({file}). Change it into a model of yours.\n\n```sh\n{prepare}\
+            "# {}\n\n{} in place of the {} of Ripstop: [{file}]({file}). Change it into a model of yours.\n\nFrom the folder in which `ripstop new` was started:\n\n```sh\n{prepare}\
              export PATH={}/target/release:$PATH\n\
              SCENE={}/cases/square-drop/scene.toml\n\
              ripstop run $SCENE --{role} \"{command}\" --out runs/mine --record mine\n\

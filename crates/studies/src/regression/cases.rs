@@ -11,6 +11,9 @@ const SETTINGS: &str = "regression.toml";
 /// Folder of the reference of a case: a recording without the moving grid.
 const REFERENCE: &str = "reference";
 
+/// Valid tolerances.
+pub(super) const SHARE: std::ops::Range<f64> = 0.0..1.0;
+
 /// Settings of a case, from its `regression.toml`; a case without the file has the defaults.
 #[derive(Clone, Debug, Deserialize, PartialEq)]
 #[serde(deny_unknown_fields, default)]
@@ -50,7 +53,7 @@ impl Settings {
         let shares =
             [("tolerance", Some(settings.tolerance)), ("iteration_tolerance", settings.iteration_tolerance)];
         for (key, value) in shares.into_iter().filter_map(|(key, value)| Some((key, value?))) {
-            if !(0.0..1.0).contains(&value) {
+            if !SHARE.contains(&value) {
                 return Err(wrong(format!(
                     "{key} = {value} must be a number from 0 (bitwise identical) to less than 1"
                 )));

@@ -39,7 +39,22 @@ pub(super) fn compare(
             results.push(stage(name, [&files[0], &files[1]], [old, new], settings)?);
         }
     }
+    results.extend(removed(reference, stages)?);
     Ok(results)
+}
+
+/// Stages of the reference that the scene does not have any more.
+fn removed(reference: &Path, stages: &[String]) -> Result<Vec<StageResult>, RunError> {
+    let entries = std::fs::read_dir(reference).map_err(RunError::file("read", reference))?;
+    let names = entries.filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()));
+    let gone = names.filter(|name| stage_file(reference, name).is_file() && !stages.contains(name));
+    let result = |name| StageResult {
+        name,
+        totals: [None, None],
+        comparison: None,
+        deviation: Some("it is in the reference, and not in the scene".into()),
+    };
+    Ok(gone.map(result).collect())
 }
 
 fn stage(
@@ -171,5 +186,15 @@ mod tests {
         assert_eq!(text.as_deref(), Some("the reference does not have this stage"));
         let (text, _) = deviation([windows, &[]], [1, 1], None);
         assert_eq!(text.as_deref(), Some("the run has no complete recording of this stage"));
+    }
+
+    #[test]
+    fn a_stage_that_the_scene_lost_deviates() {
+        let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        recording(folders[0].path(), 1, &[(12.0, 1)]);
+        let both = [folders[0].path(), folders[1].path()];
+        let found = compare(both, &["inflation".to_owned()], &Settings::default()).unwrap();
+        assert_eq!((found.len(), found[0].name.as_str()), (1, "descent"));
+        assert_eq!(found[0].deviation.as_deref(), Some("it is in the reference, and not in the scene"));
     }
 }

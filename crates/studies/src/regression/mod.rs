@@ -13,7 +13,7 @@ use case::{Role, Scene};
 use coupling::error::{Location, RunError};
 use terminal::Console;
 
-use self::cases::{Case, cases, remove};
+use self::cases::{Case, SHARE, cases, remove};
 use self::compare::{StageResult, compare};
 use self::origin::Origin;
 use self::table::Table;
@@ -35,10 +35,10 @@ pub struct RegressionArgs {
     #[arg(long, conflicts_with = "record")]
     update: bool,
     /// Relative tolerance of all cases, instead of that of their settings; 0: bitwise identical
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = share)]
     tolerance: Option<f64>,
     /// Relative tolerance of iteration counts of all cases, instead of that of their settings
-    #[arg(long, value_name = "RATIO")]
+    #[arg(long, value_name = "RATIO", value_parser = share)]
     iteration_tolerance: Option<f64>,
     /// Program to run instead of structure-solver
     #[arg(long, value_name = "COMMAND")]
@@ -52,6 +52,12 @@ pub struct RegressionArgs {
     /// Folder of the runs and tables [default: runs/regression-NAME with the name of the folder]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+}
+
+/// A share of 1: a tolerance of 1 and more would pass any result.
+fn share(text: &str) -> Result<f64, String> {
+    let read = text.parse::<f64>().ok().filter(|share| SHARE.contains(share));
+    read.ok_or_else(|| "write a number from 0 (bitwise identical) to less than 1".into())
 }
 
 /// How a case ended.
@@ -176,8 +182,12 @@ impl<'a> Run<'a> {
         for (stage, comparison) in found.iter().filter_map(|s| Some((&s.name, s.comparison.as_ref()?))) {
             figures::plot::differences(&self.folder(), stage, comparison)?;
         }
-        let deviation =
-            found.iter().find_map(|s| Some(format!("stage `{}`: {}", s.name, s.deviation.as_ref()?)));
+        let nothing =
+            (former && found.is_empty()).then(|| "the reference has no exchange to compare with".into());
+        let deviation = found
+            .iter()
+            .find_map(|s| Some(format!("stage `{}`: {}", s.name, s.deviation.as_ref()?)))
+            .or(nothing);
         let (origin, old) =
             (Origin::of_run(&self.folder(), self.command(&[])), Origin::of_reference(&reference));
         let verdict = match (ended, deviation) {
