@@ -31,7 +31,15 @@ fn package_runs_without_the_sources() {
 
     let mut run = Command::new(&ripstop);
     let scene = made.join("cases/square-drop/scene.toml");
-    run.arg("run").arg(&scene).args(["--stop-after-windows", "2", "--ranks", "flow=1,mesh=1", "--quiet", "--out", "result"]);
+    run.arg("run").arg(&scene).args([
+        "--stop-after-windows",
+        "2",
+        "--ranks",
+        "flow=1,mesh=1",
+        "--quiet",
+        "--out",
+        "result",
+    ]);
     succeed({
         run.current_dir(&home).env_remove("RIPSTOP");
         run
