@@ -194,3 +194,58 @@ fn ignored_tests_belong_to_the_nightly_command() {
     }
     assert!(seen > 10, "{seen} ignored tests");
 }
+
+/// Suites run two at a time and are printed as `cargo test` prints them, so that the summary counts failures and crashes.
+#[test]
+fn suites_are_reported_as_by_cargo() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let script = |name: &str, text: &str| {
+        let file = folder.path().join(name);
+        std::fs::write(&file, format!("#!/bin/sh\n{text}")).expect("written");
+        let mode = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+        std::fs::set_permissions(&file, mode).expect("executable");
+        file.display().to_string()
+    };
+    let place = folder.path().display().to_string();
+    let artifact = |package: &str, kind: &str, name: &str, source: &str, executable: &str, test: bool| {
+        format!(
+            "{{\"reason\":\"compiler-artifact\",\"package_id\":\"path+file://{place}/{package}\",\"manifest_path\":\"{place}/Cargo.toml\",\"target\":\
+             {{\"kind\":[\"{kind}\"],\"crate_types\":[\"bin\"],\"name\":\"{name}\",\"src_path\":\"{place}/{source}\"}},\
+             \"profile\":{{\"test\":{test}}},\"executable\":\"{executable}\"}}\n"
+        )
+    };
+    // Each waits for the other: one after the other would not end.
+    let meet = |own: &str, other: &str, rest: &str| {
+        let wait = format!("for i in $(seq 100); do [ -e {place}/{other}.here ] && break; sleep 0.1; done");
+        let met = format!("[ -e {place}/{other}.here ] || exit 9");
+        script(own, &format!("touch {place}/{own}.here\n{wait}\n{met}\n{rest}"))
+    };
+    let good = meet("good", "bad", &format!("echo 'test a ... ok'\necho '{}'", result("ok", 1, 0, 0).trim()));
+    let text = format!("echo 'test b::c ... FAILED'\necho '{}'\nexit 101", result("FAILED", 0, 1, 0).trim());
+    let bad = meet("bad", "good", &text);
+    let crash = script("crash", "echo 'test d ... ok'\nkill -SEGV $$\n");
+    let list = [
+        artifact("mesh#0.2.0", "lib", "mesh", "src/lib.rs", &good, true),
+        artifact("tests#ripstop-tests@0.2.0", "test", "winds", "tests/winds.rs", &bad, true),
+        artifact("tests#ripstop-tests@0.2.0", "test", "crash", "tests/crash.rs", &crash, true),
+        artifact("mesh#0.2.0", "bin", "mesh", "src/main.rs", "/nowhere", false),
+    ]
+    .concat();
+    script("cargo", &format!("case \"$*\" in *--no-run*) cat <<'EOF'\n{list}EOF\n;; esac"));
+    let path = format!("{place}:{}", std::env::var("PATH").expect("a path"));
+    let mut run = Command::new(root().join("scripts/run-suites"));
+    let output = run
+        .env("PATH", path)
+        .env("CARGO_TARGET_DIR", folder.path())
+        .env("JOBS", "2")
+        .output()
+        .expect("it starts");
+    let log = String::from_utf8(output.stdout).expect("text");
+    assert_eq!(output.status.code(), Some(1), "{log}");
+    assert!(log.contains(&format!("     Running unittests src/lib.rs ({good})\n")), "{log}");
+    assert!(log.contains("to rerun pass `-p ripstop-tests --test winds`"), "{log}");
+    let (line, text, _) = summary(&log, "", "1");
+    assert_eq!(line, "2 passed, 2 failed, 0 skipped", "{log}");
+    let failed = "tests/winds.rs: b::c";
+    assert!(text.contains(failed) && text.contains("tests/crash.rs: ended before its result"), "{text}");
+}
