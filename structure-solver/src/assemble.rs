@@ -17,7 +17,7 @@ use crate::materials::{
     Elastic, KelvinVoigt, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField, Prestressed,
     StVenantKirchhoff, TensionField, Viscous,
 };
-use crate::model::{Model, ModelError, Surface, Warp};
+use crate::model::{CableElement, Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
 use crate::scheme::Scheme;
 use crate::system::System;
@@ -45,7 +45,7 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     if let Some(stiffness) = scene.fabric.bending_stiffness_n_m {
         all.push(Box::new(Elements::bending(model, stiffness)));
     }
-    if let Some(c) = model.cables.iter().find(|c| c.kind.section(scene).is_none()) {
+    if let Some(c) = model.cables.iter().find(|c| mesh::section(c.kind, c.group, scene).is_none()) {
         return Err(ModelError::NoMaterial { cable: c.global as usize });
     }
     cables(scene, stage, model, &mut all);
@@ -130,7 +130,8 @@ fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
             CableKind::Riser => !own_risers,
             CableKind::Tape(_) => false,
         };
-        section.push(damping(stage, l.retardation_time_s), model, of_lines, all);
+        let chosen = |c: &CableElement| c.group.is_none() && of_lines(c.kind);
+        section.push(damping(stage, l.retardation_time_s), model, chosen, all);
         if let Some(r) = scene.risers {
             let section = CableSection {
                 friction: friction(r.hysteresis),
@@ -138,14 +139,23 @@ fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
                 ..CableSection::of(l.tension_only, r.axial_stiffness_n, r.mass_kg_m)
             };
             let damping = damping(stage, r.retardation_time_s);
-            section.push(damping, model, |kind| kind == CableKind::Riser, all);
+            let chosen = |c: &CableElement| c.group.is_none() && c.kind == CableKind::Riser;
+            section.push(damping, model, chosen, all);
         }
+    }
+    for (k, g) in scene.cable_groups().iter().enumerate() {
+        let section = CableSection {
+            offset: g.pretension_n / g.axial_stiffness_n,
+            ..CableSection::of(g.tension_only, g.axial_stiffness_n, g.mass_kg_m)
+        };
+        let chosen = |c: &CableElement| c.group == Some(k as u16);
+        section.push(damping(stage, g.retardation_time_s), model, chosen, all);
     }
     let Some(tapes) = &scene.tapes else { return };
     for (place, tape) in tapes.places() {
         let section = CableSection::of(tapes.tension_only, tape.axial_stiffness_n, tape.mass_kg_m);
         let damping = damping(stage, tape.retardation_time_s);
-        section.push(damping, model, |kind| kind == CableKind::Tape(place), all);
+        section.push(damping, model, |c| c.kind == CableKind::Tape(place), all);
     }
 }
 
@@ -181,8 +191,8 @@ impl CableSection {
     }
 
     /// Adds the elements of the `chosen` kinds.
-    fn push(&self, damping: f64, model: &Model, chosen: impl Fn(CableKind) -> bool, all: &mut Loops) {
-        if !model.cables.iter().any(|c| chosen(c.kind)) {
+    fn push(&self, damping: f64, model: &Model, chosen: impl Fn(&CableElement) -> bool, all: &mut Loops) {
+        if !model.cables.iter().any(&chosen) {
             return;
         }
         // Loaded for the first time, elastic line and slider have the modulus of the line.
@@ -198,7 +208,7 @@ impl CableSection {
         &self,
         damping: f64,
         model: &Model,
-        chosen: impl Fn(CableKind) -> bool,
+        chosen: impl Fn(&CableElement) -> bool,
         law: impl CableLaw,
         all: &mut Loops,
     ) {

@@ -104,7 +104,14 @@ mod tests {
         assert!(check(&m, &[]).expect_err("slides").to_string().contains("along y"));
         // Prescribed, or hung up on a line, it is held.
         assert_eq!(check(&m, &[(5, [false, true, false])]), Ok(()));
-        m.cables.push(Cable { nodes: [2, 4], rest_length: 1.0, kind: CableKind::Riser, line: 0, share: 1.0 });
+        m.cables.push(Cable {
+            nodes: [2, 4],
+            rest_length: 1.0,
+            kind: CableKind::Riser,
+            line: 0,
+            share: 1.0,
+            group: None,
+        });
         assert_eq!(check(&m, &[]), Ok(()));
         m.fixed.clear();
         assert!(check(&m, &[]).expect_err("nothing is held").to_string().contains("6 nodes"));

@@ -68,7 +68,7 @@ pub(crate) fn chain(points: Vec<Point>, fixed: Vec<u32>) -> StructureMesh {
         .map(|i| {
             let ends = [i, i + 1].map(|n| mesh::geometry::at(&points, n));
             let rest_length = (ends[1] - ends[0]).norm();
-            Cable { nodes: [i, i + 1], rest_length, kind, line: 0, share: 1.0 }
+            Cable { nodes: [i, i + 1], rest_length, kind, line: 0, share: 1.0, group: None }
         })
         .collect();
     let fixed = fixed.into_iter().map(|n| (n, [true; 3])).collect();

@@ -482,6 +482,7 @@ mod tests {
             kind: CableKind::SuspensionLine,
             line: 0,
             share: 1.0,
+            group: None,
         };
         let mesh = StructureMesh {
             coords: (0..=n).map(|i| [span * f64::from(i) / f64::from(n), 0.0, 0.0]).collect(),

@@ -488,6 +488,7 @@ mod tests {
                 kind: CableKind::Riser,
                 line: 0,
                 share: 1.0,
+                group: None,
             }],
             ..Default::default()
         };

@@ -197,6 +197,8 @@ pub struct CableElement {
     pub share: f64,
     /// Number in the mesh, for messages.
     pub global: u32,
+    /// Its group, where it has the section of one, as [`mesh::Cable::group`].
+    pub group: Option<u16>,
 }
 
 /// Nodes and elements of one rank.
@@ -422,9 +424,9 @@ impl Part<'_> {
 
     fn cables(&self, numbers: &[usize]) -> Vec<CableElement> {
         let of = |&c: &usize| {
-            let mesh::Cable { nodes, rest_length, kind, line, share } = self.mesh.cables[c];
+            let mesh::Cable { nodes, rest_length, kind, line, share, group } = self.mesh.cables[c];
             let nodes = nodes.map(|n| self.local(n));
-            CableElement { nodes, rest_length, kind, line, share, global: c as u32 }
+            CableElement { nodes, rest_length, kind, line, share, global: c as u32, group }
         };
         let mut all: Vec<_> = numbers.iter().map(of).collect();
         all.sort_by_key(|c| self.is_ghost(c.nodes[0]));
@@ -559,7 +561,14 @@ mod tests {
         assert!(error(&m).contains("node 3"));
         let mut m = one_triangle();
         let kind = CableKind::SuspensionLine;
-        m.cables.push(mesh::Cable { nodes: [0, 1], rest_length: 0.0, kind, line: 0, share: 1.0 });
+        m.cables.push(mesh::Cable {
+            nodes: [0, 1],
+            rest_length: 0.0,
+            kind,
+            line: 0,
+            share: 1.0,
+            group: None,
+        });
         assert!(error(&m).contains("rest length of 0 m"));
     }
 }

@@ -28,7 +28,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 37] = [
+const EFFECTS: [&str; 38] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -55,6 +55,7 @@ const EFFECTS: [&str; 37] = [
     "lines.hysteresis",
     "fabric.retardation_time_s",
     "risers",
+    "canopy.cable",
     "tapes",
     "structure.spectral_radius",
     "structure.integration",

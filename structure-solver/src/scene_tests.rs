@@ -274,7 +274,7 @@ fn chain(n: u32, fixed: Vec<(u32, [bool; 3])>) -> StructureMesh {
     StructureMesh {
         coords: (0..=n).map(|i| [f64::from(i), 0.0, 0.0]).collect(),
         cables: (0..n)
-            .map(|i| Cable { nodes: [i, i + 1], rest_length: 1.0, kind, line: 0, share: 1.0 })
+            .map(|i| Cable { nodes: [i, i + 1], rest_length: 1.0, kind, line: 0, share: 1.0, group: None })
             .collect(),
         fixed,
         node_sets: [("end".to_owned(), vec![n])].into(),
@@ -307,6 +307,38 @@ fn forces_and_motions_of_nodes_are_static_too() {
     assert!((d.accepted.u[3] - 0.1).abs() < 1e-8 && d.accepted.u[9] == 0.3, "{:?}", d.accepted.u);
     let r = d.reactions(FaceLoad { pressure: &[], traction: &[] }, [0.0; 3]);
     assert!((r[9] - pull(1.1)).abs() < 1e-5 && (r[0] + r[9]).abs() < 1e-5, "{r:?}");
+}
+
+/// A cable with the section and pretension of its group between two with those of `[lines]`: each carries the force at its own length.
+#[test]
+fn cables_of_a_group_have_its_section() {
+    let (stiffness, pretension) = (2500.0, 60.0);
+    let force = format!("{LAST}[[stage.force]]\nnodes = \"end\"\nforce_n = [{}, 0.0, 0.0]\n", pull(1.1));
+    let mut s = scene(BAG, "", &force);
+    let group = case::CableGroup {
+        group: "kevlar".into(),
+        part: case::CablePart::Line,
+        axial_stiffness_n: stiffness,
+        mass_kg_m: 0.25,
+        rest_length_factor: 1.0,
+        pretension_n: pretension,
+        tension_only: true,
+        retardation_time_s: 0.0,
+    };
+    s.canopy = case::Canopy::Gmsh(case::GmshCanopy { file: "any.msh".into(), cables: vec![group] });
+    let mut mesh = chain(3, vec![(0, [true; 3])]);
+    mesh.cables[1].group = Some(0);
+    let mut d = structure(&s, Some(mesh)).expect("a structure");
+    rest(&mut d, 0.0);
+    let u = |node: usize| d.accepted.u[3 * node];
+    assert!((u(1) - 0.1).abs() < 1e-8 && (u(3) - u(2) - 0.1).abs() < 1e-8, "{:?}", d.accepted.u);
+    let length = 1.0 + u(2) - u(1);
+    let carried = (stiffness * 0.5 * (length * length - 1.0) + pretension) * length;
+    assert!((carried - pull(1.1)).abs() < 1e-6, "{length} {carried} {}", pull(1.1));
+    // Half of the mass of each neighbouring cable: 1 g/m of the lines, 250 g/m of the group.
+    let mut mass = vec![0.0; 3 * d.system.model.n_local()];
+    d.system.add_mass_product(&vec![1.0; 3 * d.system.model.n_local()], &mut mass);
+    assert!((mass.iter().sum::<f64>() - 3.0 * 0.252).abs() < 1e-9, "{mass:?}");
 }
 
 /// A mass on a pre-stressed spring whose foot starts to move at constant speed V:

@@ -163,6 +163,7 @@ mod tests {
                 kind: mesh::CableKind::SuspensionLine,
                 line: 0,
                 share: 1.0,
+                group: None,
             }],
             ..Default::default()
         };

@@ -237,7 +237,7 @@ fn response(f: &Facts<'_>, s: &Stage) -> f64 {
     } else if f.scene.structure.integration == Integration::Explicit {
         let fabric = &f.scene.fabric;
         let wave = (fabric.youngs_modulus_pa / fabric.density_kg_m3).sqrt();
-        let crossing = |c: &mesh::Cable| Some(c.kind.section(f.scene)?.wave_speed() / c.rest_length);
+        let crossing = |c: &mesh::Cable| Some(c.section(f.scene)?.wave_speed() / c.rest_length);
         let crossings = f.mesh.cables.iter().filter_map(crossing).fold(wave / n.cell, f64::max);
         // A step is a share of 2 over the highest frequency, about 2 of these crossings; rates of strains shorten it.
         let tau = f.scene.retardation_time_s() + s.stiffness_damping_s;

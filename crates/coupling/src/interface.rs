@@ -276,7 +276,10 @@ fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
     let fabric = mesh.fabric_area(|_| true) * scene.fabric.thickness_m * scene.fabric.density_kg_m3;
-    let of = |kind: CableKind| kind.section(scene).map_or(0.0, |s| mesh.cable_length(kind) * s.mass_kg_m);
+    let of = |kind: CableKind| {
+        kind.section(scene).map_or(0.0, |s| mesh.cable_length(kind) * s.mass_kg_m)
+            + mesh.group_mass(kind, scene)
+    };
     let tapes = TapePlace::ALL.map(|place| of(CableKind::Tape(place)));
     let [lines, risers, reinforcements] =
         [CableKind::SuspensionLine, CableKind::Riser, CableKind::Reinforcement].map(of);
@@ -287,8 +290,15 @@ fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
         let length: f64 = kinds.into_iter().filter(|k| k.1).map(|k| mesh.cable_length(k.0)).sum();
         length * l.area_m2 * l.density_kg_m3
     });
-    let own_risers = if scene.risers.is_some() { risers } else { 0.0 };
-    let cables = with_lines + own_risers + tapes.iter().sum::<f64>();
+    let own_risers = match scene.risers {
+        Some(_) => risers,
+        None => mesh.group_mass(CableKind::Riser, scene),
+    };
+    let groups: f64 = [CableKind::SuspensionLine, CableKind::Reinforcement]
+        .map(|kind| mesh.group_mass(kind, scene))
+        .iter()
+        .sum();
+    let cables = with_lines + own_risers + groups + tapes.iter().sum::<f64>();
     Masses { fabric, cables, lines, risers, reinforcements, tapes, points: mesh.hung_point_masses(scene) }
 }
 

@@ -71,6 +71,23 @@ pub struct Cable {
     /// Lines of its kind that it stands for: 1, except for tapes of a grid ([`case::TapeGrid`]). Stiffness and mass
     /// for each metre are those of its kind times this number.
     pub share: f64,
+    /// Place of its group in the scene's `[[canopy.cable]]`, whose section it has. Absent: it has that of its kind.
+    #[serde(default)]
+    pub group: Option<u16>,
+}
+
+impl Cable {
+    /// Section of this cable in a scene; `None` where the scene gives none.
+    pub fn section(&self, scene: &Scene) -> Option<Section> {
+        section(self.kind, self.group, scene)
+    }
+}
+
+/// Section of a cable of a kind, and of a group where it belongs to one; `None` where the scene gives none.
+pub fn section(kind: CableKind, group: Option<u16>, scene: &Scene) -> Option<Section> {
+    let Some(group) = group else { return kind.section(scene) };
+    let g = scene.cable_groups().get(usize::from(group))?;
+    Some(Section { axial_stiffness_n: g.axial_stiffness_n, mass_kg_m: g.mass_kg_m })
 }
 
 /// Kind of line that a cable element models.

@@ -27,6 +27,7 @@ fn patch() -> StructureMesh {
             kind: CableKind::SuspensionLine,
             line: 0,
             share: 1.0,
+            group: None,
         }],
         fixed: vec![(0, [true; 3])],
         ..Default::default()
@@ -117,7 +118,14 @@ fn strains_are_damped_and_rigid_motion_is_not() {
 fn a_spring_loses_the_amplitude_of_its_damping_time() {
     let mesh = StructureMesh {
         coords: vec![[0.0; 3], [1.0, 0.0, 0.0]],
-        cables: vec![Cable { nodes: [0, 1], rest_length: 1.0, kind: CableKind::Riser, line: 0, share: 1.0 }],
+        cables: vec![Cable {
+            nodes: [0, 1],
+            rest_length: 1.0,
+            kind: CableKind::Riser,
+            line: 0,
+            share: 1.0,
+            group: None,
+        }],
         point_masses: vec![(1, 1.0)],
         fixed: vec![(0, [true; 3]), (1, [false, true, true])],
         ..Default::default()

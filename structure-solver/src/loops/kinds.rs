@@ -14,7 +14,6 @@ use crate::elements::reefing::{Reefing, Schedule};
 use crate::flat::at;
 use crate::materials::StepLaw;
 use crate::model::{CableElement, Model};
-use mesh::CableKind;
 use mesh::geometry::Vec3;
 
 /// A two-node element has no face.
@@ -83,14 +82,14 @@ impl<S: AxialStress> Elements<Cable<S>, 2> {
     /// The cables of `model` of some kinds. Each has the cross-section `area` (m2) times its share, and `density` (kg/m3).
     pub fn cables_of(
         model: &Model,
-        chosen: impl Fn(CableKind) -> bool,
+        chosen: impl Fn(&CableElement) -> bool,
         stress: S,
         area: f64,
         density: f64,
     ) -> Self {
         let kernel = Cable { stress, density };
         let (mut rows, mut parts) = (Vec::new(), Vec::new());
-        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c.kind)) {
+        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c)) {
             let element = kernel.element(c.rest_length, c.share * area, between(model, c.nodes));
             rows.push(row as u32);
             parts.push((c.nodes, NO_FACE, element));
@@ -104,12 +103,12 @@ impl<L: CableLaw> Elements<Hysteresis<L>, 2> {
     /// Sliders of the cables of `model` of some kinds, as [`Elements::cables_of`]; massless.
     pub fn sliders(
         model: &Model,
-        chosen: impl Fn(CableKind) -> bool,
+        chosen: impl Fn(&CableElement) -> bool,
         kernel: Hysteresis<L>,
         area: f64,
     ) -> Self {
         let (mut rows, mut parts) = (Vec::new(), Vec::new());
-        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c.kind)) {
+        for (row, c) in model.cables.iter().enumerate().filter(|(_, c)| chosen(c)) {
             rows.push(row as u32);
             parts.push((c.nodes, NO_FACE, kernel.element(c.rest_length, c.share * area)));
         }

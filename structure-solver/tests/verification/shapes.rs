@@ -17,7 +17,14 @@ pub fn chain(n: usize, span: f64, rest_length: f64) -> StructureMesh {
 }
 
 pub fn add_cable(m: &mut StructureMesh, nodes: [u32; 2], rest_length: f64) {
-    m.cables.push(Cable { nodes, rest_length, kind: CableKind::SuspensionLine, line: 0, share: 1.0 });
+    m.cables.push(Cable {
+        nodes,
+        rest_length,
+        kind: CableKind::SuspensionLine,
+        line: 0,
+        share: 1.0,
+        group: None,
+    });
 }
 
 /// `n[0]` x `n[1]` quadrilaterals over the unit square, mapped to space; cut along

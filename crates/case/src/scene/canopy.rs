@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::cable_groups::{self, CableGroup};
 use super::cross::{self, CrossCanopy};
 use super::gored::{self, GoredCanopy};
 use super::pattern::{self, PatternCanopy};
@@ -32,7 +33,8 @@ pub enum Canopy {
     ///
     /// Triangles and quadrilaterals of the file are fabric; where the file has a volume grid too, those of the physical
     /// group `canopy`. Physical groups named `lines`, `risers` and `reinforcements` are cables at their rest length;
-    /// `fixed`, `fixed-x`, `fixed-y` and `fixed-z` hold nodes; `payload` is the point of the payload.
+    /// `fixed`, `fixed-x`, `fixed-y` and `fixed-z` hold nodes; `payload` is the point of the payload. `[[canopy.cable]]` gives groups of curves
+    /// sections, unstretched lengths and pretensions of their own.
     Gmsh(GmshCanopy),
     /// A canopy sewn from flat panels, whose outlines, seams and attachments a pattern file gives (TOML, metres). Fabric is without stress where each panel is
     /// flat; the mesh starts from an assembled shape without tension. A flow needs `[flow.immersed]`.
@@ -161,6 +163,9 @@ impl Default for AirBag {
 pub struct GmshCanopy {
     /// The file, from the scene's folder.
     pub file: PathBuf,
+    /// Kinds of cables, by physical groups of curves.
+    #[serde(default, rename = "cable")]
+    pub cables: Vec<CableGroup>,
 }
 
 /// A flat rectangular panel in the plane z = 0, its middle at the origin. It has no
@@ -200,6 +205,14 @@ impl Scene {
             Canopy::Pattern(p) => p.line_length_m.is_some(),
             // A file may have none; what it has needs [lines], which the structure checks.
             Canopy::AirBag(_) | Canopy::Gmsh(_) | Canopy::Panel(_) | Canopy::None => false,
+        }
+    }
+
+    /// Kinds of cables that the scene names for groups of a mesh file.
+    pub fn cable_groups(&self) -> &[CableGroup] {
+        match &self.canopy {
+            Canopy::Gmsh(g) => &g.cables,
+            _ => &[],
         }
     }
 
@@ -267,6 +280,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
                     "name a Gmsh file (4.1, ASCII) by its path from the scene's folder",
                 );
             }
+            cable_groups::check(&g.cables, c);
         }
     }
     if scene.lines.is_none() && scene.has_cables() {

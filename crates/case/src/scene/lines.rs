@@ -87,7 +87,13 @@ impl Scene {
         let lines = self.lines.as_ref().map(|l| l.retardation_time_s);
         let risers = self.risers.map(|r| r.retardation_time_s);
         let tapes = self.tapes.iter().flat_map(|t| t.places()).map(|(_, tape)| tape.retardation_time_s);
-        lines.into_iter().chain(risers).chain(tapes).fold(self.fabric.retardation_time_s, f64::max)
+        let groups = self.cable_groups().iter().map(|g| g.retardation_time_s);
+        lines
+            .into_iter()
+            .chain(risers)
+            .chain(tapes)
+            .chain(groups)
+            .fold(self.fabric.retardation_time_s, f64::max)
     }
 }
 

@@ -8,6 +8,7 @@
 mod accuracy;
 mod body_motion;
 mod boundary_values;
+mod cable_groups;
 mod canopy;
 mod canopy_risers;
 mod coupling;
@@ -55,6 +56,7 @@ pub use body_motion::{BodyMotion, BodyRotation, Pose, RigidMotion};
 pub use boundary_values::{
     InletProfile, InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, TimeFunction, WallRotation,
 };
+pub use cable_groups::{CableGroup, CablePart};
 pub use canopy::{AirBag, Atps, Canopy, FlatCanopy, GmshCanopy, PanelCanopy, PanelEdges, StitchedEnd};
 pub use canopy_risers::CanopyRisers;
 pub use coupling::{

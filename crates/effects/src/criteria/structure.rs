@@ -231,6 +231,13 @@ pub fn risers(_: &Scope<'_>) -> Assessment {
     Assessment::not("part of what is built: their length counts, their stretch is below that of the lines")
 }
 
+/// Cables of a mesh file are part of what is built.
+pub fn cable_groups(_: &Scope<'_>) -> Assessment {
+    Assessment::not(
+        "part of what is built: sections and lengths of the cables of a mesh file are the designer's",
+    )
+}
+
 /// Fabric that weighs $`\rho t g`$ per area relieves the pressure jump $`p`$ by that share: the crown sinks, and the
 /// drag area changes by about half of it; the lines no longer carry the weight of the fabric and of half of
 /// themselves (the paper, equation 1). Without the effect all weight acts at the payload. Within a factor of 5.

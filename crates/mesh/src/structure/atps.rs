@@ -311,6 +311,7 @@ fn reinforce(mesh: &mut StructureMesh, layout: &AtpsLayout, first_line: u32, spa
                 kind: CableKind::Reinforcement,
                 line,
                 share: 1.0,
+                group: None,
             });
         }
         line += 1;

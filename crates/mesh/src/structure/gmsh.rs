@@ -4,12 +4,13 @@
 //! file that also holds a flow grid, those of the physical group `canopy`.
 //! Names of physical groups mark everything else: curves in `lines`,
 //! `risers` or `reinforcements` are cables (rest length: their length in the
-//! file; each curve is one line); anything in `fixed`, `fixed-x`, `fixed-y` or
+//! file; each curve is one line), and so are curves in a group that a scene gives a section by `[[canopy.cable]]`; anything in `fixed`, `fixed-x`, `fixed-y` or
 //! `fixed-z` holds its nodes; a point in `payload` carries the payload and is fixed.
 //! A scene may speak of the nodes of any physical group by its name.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
-use std::path::Path;
+
+use case::{CableGroup, CablePart, GmshCanopy};
 
 use crate::geometry::at;
 use crate::msh::{Block, ElementShape, Msh, Tag};
@@ -19,18 +20,22 @@ use crate::{Cable, CableKind, MeshError, StructureMesh};
 const CANOPY: &str = "canopy";
 
 /// Reads a structure mesh; `payload_mass` in kg if the payload falls.
-pub(super) fn gmsh(path: &Path, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
-    build(path, &Msh::read(path)?, payload_mass)
-}
-
-fn build(path: &Path, parts: &Msh, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
-    let bad = |reason: String| MeshError::File { path: path.into(), reason };
-    let mut builder = Builder::new(parts);
+pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+    let path = &canopy.file;
+    let bad = |reason: String| MeshError::File { path: path.clone(), reason };
+    let parts = Msh::read(path)?;
+    let mut builder = Builder::new(&parts, &canopy.cables);
     builder.add_fabric();
     if builder.mesh.n_canopy == 0 {
         return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid)".into()));
     }
     builder.add_named(payload_mass);
+    if let Some(missing) = builder.group_without_curves() {
+        return Err(bad(format!(
+            "has no curves in the physical group \"{missing}\", which [[canopy.cable]] names; its groups of curves are: {}",
+            parts.names_in(1).join(", ")
+        )));
+    }
     builder.name_sets();
     judge(&builder.mesh).map_err(bad)?;
     Ok(builder.mesh)
@@ -39,6 +44,8 @@ fn build(path: &Path, parts: &Msh, payload_mass: Option<f64>) -> Result<Structur
 /// A structure mesh while elements of a file are added to it.
 struct Builder<'a> {
     parts: &'a Msh,
+    /// Groups with a section of their own.
+    groups: &'a [CableGroup],
     /// The file also holds a flow grid, whose outer surfaces are no fabric.
     with_grid: bool,
     mesh: StructureMesh,
@@ -47,9 +54,9 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(parts: &'a Msh) -> Self {
+    fn new(parts: &'a Msh, groups: &'a [CableGroup]) -> Self {
         let with_grid = parts.blocks.iter().any(|b| b.shape.is_volume());
-        Self { parts, with_grid, mesh: StructureMesh::default(), number: HashMap::new() }
+        Self { parts, groups, with_grid, mesh: StructureMesh::default(), number: HashMap::new() }
     }
 
     fn is_fabric(&self, b: &Block) -> bool {
@@ -100,19 +107,13 @@ impl<'a> Builder<'a> {
         let mut fixed: BTreeMap<u32, [bool; 3]> = BTreeMap::new();
         let parts = self.parts;
         for (entity, nodes) in self.structure() {
-            for name in parts.names_of(entity) {
-                if let (Some(kind), [a, b]) = (cable_kind(name), nodes) {
-                    let line = place_in(&mut lines, (entity, kind));
-                    let nodes = [self.add(*a), self.add(*b)];
-                    let [p, q] = nodes.map(|n| at(&self.mesh.coords, n));
-                    self.mesh.cables.push(Cable {
-                        nodes,
-                        rest_length: (p - q).norm(),
-                        kind,
-                        line,
-                        share: 1.0,
-                    });
+            if let [a, b] = nodes {
+                for cable in self.cables_of(entity) {
+                    let line = place_in(&mut lines, (entity, cable.kind));
+                    self.add_cable([*a, *b], line, cable);
                 }
+            }
+            for name in parts.names_of(entity) {
                 let Some(held) = held(name) else { continue };
                 for &tag in nodes {
                     let node = self.add(tag);
@@ -125,6 +126,41 @@ impl<'a> Builder<'a> {
             }
         }
         self.mesh.fixed = fixed.into_iter().collect();
+    }
+
+    /// Cables along a curve: one where one of its groups has a section of its own, else one for each group that names a kind.
+    fn cables_of(&self, entity: Tag) -> Vec<CurveCable> {
+        let named = |name: &str| self.groups.iter().position(|g| g.group == name);
+        if let Some(k) = self.parts.names_of(entity).find_map(named) {
+            let g = &self.groups[k];
+            return vec![CurveCable {
+                kind: part_kind(g.part),
+                group: Some(k as u16),
+                factor: g.rest_length_factor,
+            }];
+        }
+        let of_kind = |kind| CurveCable { kind, group: None, factor: 1.0 };
+        self.parts.names_of(entity).filter_map(cable_kind).map(of_kind).collect()
+    }
+
+    fn add_cable(&mut self, tags: [u64; 2], line: u32, cable: CurveCable) {
+        let nodes = tags.map(|tag| self.add(tag));
+        let [p, q] = nodes.map(|n| at(&self.mesh.coords, n));
+        let rest_length = (p - q).norm() * cable.factor;
+        self.mesh.cables.push(Cable {
+            nodes,
+            rest_length,
+            kind: cable.kind,
+            line,
+            share: 1.0,
+            group: cable.group,
+        });
+    }
+
+    /// A group that the scene names and that has no curve.
+    fn group_without_curves(&self) -> Option<&'a str> {
+        let used = |k: usize| self.mesh.cables.iter().any(|c| c.group == Some(k as u16));
+        (0..self.groups.len()).find(|k| !used(*k)).map(|k| self.groups[k].group.as_str())
     }
 
     /// Elements but for volumes and their outer surfaces, which belong to the air.
@@ -151,6 +187,22 @@ fn place_in<T: PartialEq>(list: &mut Vec<T>, item: T) -> u32 {
         list.len() - 1
     });
     place as u32
+}
+
+/// A cable along a curve.
+struct CurveCable {
+    kind: CableKind,
+    group: Option<u16>,
+    /// Unstretched length over the length in the file.
+    factor: f64,
+}
+
+fn part_kind(part: CablePart) -> CableKind {
+    match part {
+        CablePart::Line => CableKind::SuspensionLine,
+        CablePart::Riser => CableKind::Riser,
+        CablePart::Reinforcement => CableKind::Reinforcement,
+    }
 }
 
 fn cable_kind(group: &str) -> Option<CableKind> {
@@ -260,10 +312,39 @@ $EndElements
 "#;
 
     fn read(text: &str) -> Result<StructureMesh, MeshError> {
+        read_with(text, Vec::new())
+    }
+
+    fn read_with(text: &str, cables: Vec<CableGroup>) -> Result<StructureMesh, MeshError> {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("canopy.msh");
-        std::fs::write(&path, text).unwrap();
-        gmsh(&path, Some(5.0))
+        let file = folder.path().join("canopy.msh");
+        std::fs::write(&file, text).unwrap();
+        gmsh(&GmshCanopy { file, cables }, Some(5.0))
+    }
+
+    /// A group by another name is a cable where the scene gives it a section, shorter than in the file by its factor; a name without curves is refused.
+    #[test]
+    fn groups_with_sections_are_cables() {
+        let text = FILE.replace("\"lines\"", "\"kevlar\"");
+        assert!(read(&text).unwrap().cables.is_empty());
+        let group = |name: &str| CableGroup {
+            group: name.into(),
+            part: CablePart::Riser,
+            axial_stiffness_n: 2e3,
+            mass_kg_m: 0.01,
+            rest_length_factor: 0.5,
+            pretension_n: 0.0,
+            tension_only: true,
+            retardation_time_s: 0.0,
+        };
+        let mesh = read_with(&text, vec![group("kevlar")]).unwrap();
+        let c = mesh.cables[0];
+        assert_eq!((c.kind, c.rest_length, c.group), (CableKind::Riser, 1.5, Some(0)));
+        // The scene's word counts more than the name of the group, and each curve is one cable.
+        let mesh = read_with(FILE, vec![group("lines")]).unwrap();
+        assert_eq!((mesh.cables.len(), mesh.cables[0].kind), (1, CableKind::Riser));
+        let error = read_with(FILE, vec![group("kevlar")]).unwrap_err().to_string();
+        assert!(error.contains("\"kevlar\"") && error.contains("fixed-z, lines"), "{error}");
     }
 
     #[test]
@@ -292,6 +373,9 @@ $EndElements
         assert!(reason("1 0 -3\n$End", "1 zero -3\n$End").contains("\"zero\" is not a coordinate"));
         assert!(reason("0 1 0\n1 1 0", "0 1 0\n0.5 0 0").contains("no area"));
         assert!(reason("$EndElements\n", "").contains("the file ends"));
-        assert!(matches!(gmsh(Path::new("/none.msh"), None), Err(MeshError::Io { .. })));
+        assert!(matches!(
+            gmsh(&GmshCanopy { file: "/none.msh".into(), cables: Vec::new() }, None),
+            Err(MeshError::Io { .. })
+        ));
     }
 }

@@ -45,7 +45,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Gored(g) => gored::gored(g, &payload),
         Canopy::Cross(x) => cross::cross(x, &payload),
         Canopy::AirBag(b) => flat::air_bag(b),
-        Canopy::Gmsh(g) => gmsh::gmsh(&g.file, payload_mass),
+        Canopy::Gmsh(g) => gmsh::gmsh(g, payload_mass),
         Canopy::Pattern(p) => pattern::pattern(p, scene.tapes.as_ref(), &payload),
         Canopy::Panel(p) => panel::panel(p),
         Canopy::None => Ok(StructureMesh::default()),
@@ -53,7 +53,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
     if let Some(tapes) = &scene.tapes {
         mesh.add_tapes(&scene.canopy, tapes)?;
     }
-    if mesh.cables.iter().any(|c| c.kind.section(scene).is_none()) {
+    if mesh.cables.iter().any(|c| c.section(scene).is_none()) {
         return Err(refuse("lines", "absent", "the canopy has cables: add [lines] with their material"));
     }
     if let Some(body) = scene.payload_body() {
@@ -92,7 +92,7 @@ impl StructureMesh {
                 self.push_node(std::array::from_fn(|i| a[i] + t * (b[i] - a[i])))
             };
             let rest_length = rest_length / segments as f64;
-            self.cables.push(Cable { nodes: [from, to], rest_length, kind, line, share: 1.0 });
+            self.cables.push(Cable { nodes: [from, to], rest_length, kind, line, share: 1.0, group: None });
             from = to;
         }
     }
@@ -151,16 +151,26 @@ impl StructureMesh {
             .sum()
     }
 
-    /// Unstretched length of the lines or tapes of a kind, m.
+    /// Unstretched length of the lines or tapes of a kind with the section of that kind, m.
     pub fn cable_length(&self, kind: CableKind) -> f64 {
-        self.cables.iter().filter(|c| c.kind == kind).map(|c| c.share * c.rest_length).sum()
+        self.cables
+            .iter()
+            .filter(|c| c.kind == kind && c.group.is_none())
+            .map(|c| c.share * c.rest_length)
+            .sum()
+    }
+
+    /// Mass of the cables of a kind whose section is that of their group, kg.
+    pub fn group_mass(&self, kind: CableKind, scene: &Scene) -> f64 {
+        let cables = self.cables.iter().filter(|c| c.kind == kind && c.group.is_some());
+        cables.filter_map(|c| Some(c.section(scene)?.mass_kg_m * c.share * c.rest_length)).sum()
     }
 
     /// Axial stiffness times length of all tapes (N m): over twice the area of the fabric, the stiffness of a grid that
     /// is as stiff (N/m).
     pub fn tape_stiffness(&self, scene: &case::Scene) -> f64 {
         let tape = |c: &&Cable| matches!(c.kind, CableKind::Tape(_));
-        let of = |c: &Cable| Some(c.kind.section(scene)?.axial_stiffness_n * c.share * c.rest_length);
+        let of = |c: &Cable| Some(c.section(scene)?.axial_stiffness_n * c.share * c.rest_length);
         self.cables.iter().filter(tape).filter_map(of).sum()
     }
 }

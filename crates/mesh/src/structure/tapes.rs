@@ -109,7 +109,14 @@ impl StructureMesh {
     fn push_tape(&mut self, place: TapePlace, nodes: [u32; 2], share: f64, line: u32) {
         let [a, b] = nodes.map(|n| at(&self.coords, n));
         let rest_length = (a - b).norm();
-        self.cables.push(Cable { nodes, rest_length, kind: CableKind::Tape(place), line, share });
+        self.cables.push(Cable {
+            nodes,
+            rest_length,
+            kind: CableKind::Tape(place),
+            line,
+            share,
+            group: None,
+        });
     }
 
     /// A number that no line has yet.

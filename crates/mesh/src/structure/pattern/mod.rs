@@ -262,7 +262,14 @@ impl Parts<'_> {
                 None => self.panels[edge[0]].part(edge[1], i),
             };
             let kind = CableKind::Tape(place);
-            mesh.cables.push(Cable { nodes: [pair[0], pair[1]], rest_length, kind, line, share: 1.0 });
+            mesh.cables.push(Cable {
+                nodes: [pair[0], pair[1]],
+                rest_length,
+                kind,
+                line,
+                share: 1.0,
+                group: None,
+            });
         }
     }
 }
