@@ -53,8 +53,13 @@ class Net(MassSpring):
         self.u, self.v = u, v
 
 
-def couple(net, config, load):
-    """Couples the net in one stage."""
+def couple(net, config, load, save=""):
+    """Couples the net in one stage. Writes its state into the folder `save`, if there is one."""
+
+    def keep():
+        if save:
+            np.savez(Path(save) / STATE, u=net.u, v=net.v)
+
     canopy = net.rest_shape[: net.canopy_nodes]
     participant = precice.Participant("Solid", config, 0, 1)
     nodes = participant.set_mesh_vertices("Solid-Nodes", canopy)
@@ -74,6 +79,7 @@ def couple(net, config, load):
     while participant.is_coupling_ongoing():
         if participant.requires_writing_checkpoint():
             checkpoint = net.u.copy(), net.v.copy()
+            keep()  # a run may be saved between windows
         dt = participant.get_max_time_step_size()
         net.solve(dt, forces)
         participant.write_data("Solid-Nodes", "Displacement", nodes, net.trial[0][: net.canopy_nodes])
@@ -82,6 +88,7 @@ def couple(net, config, load):
         if participant.requires_reading_checkpoint():
             net.u, net.v = checkpoint
     participant.finalize()
+    keep()
 
 
 def main():
@@ -97,9 +104,7 @@ def main():
     if state:
         with np.load(Path(state) / STATE) as kept:
             net.u, net.v = kept["u"], kept["v"]
-    couple(net, options.precice_config, options.load)
-    if save:
-        np.savez(Path(save) / STATE, u=net.u, v=net.v)
+    couple(net, options.precice_config, options.load, save)
 
 
 if __name__ == "__main__":

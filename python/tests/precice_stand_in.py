@@ -44,6 +44,7 @@ class Participant:
         self.implicit = self.scheme.tag.endswith("implicit")
         self.max_time = float(self.scheme.find("max-time").get("value"))
         self.degree = {e.get("name"): int(e.get("waveform-degree", "1")) for e in root if e.tag.startswith("data.")}
+        self.width = {e.get("name"): () if e.tag == "data.scalar" else (3,) for e in root if e.tag.startswith("data.")}
         me = next(e for e in root.findall("participant") if e.get("name") == name)
         self.provided = [e.get("name") for e in me.findall("provide-mesh")]
         self.written = {(e.get("mesh"), e.get("name")) for e in me.findall("write-data")}
@@ -147,8 +148,7 @@ class Participant:
         if self.first:
             self.meshes |= self._get()
             self.out.put(self._mapped(self.values, "write"))
-            here = {(m, n): np.zeros((len(self.meshes[m]), 1 if n in ("Pressure",) else 3)) for m, n in self.readable}
-            self.samples = {key: (value, value) for key, value in here.items()}
+            self.samples = {key: 2 * (np.zeros((len(self.meshes[key[0]]), *self.width[key[1]])),) for key in self.readable}
         else:
             self.out.put(self.meshes)
             self.samples = {key: (value, value) for key, value in self._get().items()}

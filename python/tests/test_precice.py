@@ -53,7 +53,7 @@ class Oscillators:
             taken = 0
             while participant.is_coupling_ongoing():
                 if participant.requires_writing_checkpoint():
-                    kept = self.u, self.v
+                    self.kept = self.u, self.v
                 left = participant.get_max_time_step_size()
                 h = left / (self.steps - taken)
                 self.step(h, participant.read_data("Solid-Nodes", "Force", ids, 0.5 * h))
@@ -62,7 +62,7 @@ class Oscillators:
                 participant.advance(h)
                 self.solves += taken == 0
                 if participant.requires_reading_checkpoint() and not self.forgetful:
-                    self.u, self.v = kept
+                    self.u, self.v = self.kept
         except precice_stand_in.Error as error:
             self.error = error
 
@@ -86,8 +86,8 @@ def force(window, iteration):
 ITERATIONS, LENGTHS = (1, 4, 2, 3), (0.1, 0.1, 0.1, 0.1)
 
 
-def couple(exchange, iterations=ITERATIONS, lengths=LENGTHS, constant=False):
-    """Responses to all iterations of some windows; each window is accepted."""
+def couple(exchange, iterations=ITERATIONS, lengths=LENGTHS, constant=False, save=lambda window: None):
+    """Responses to all iterations of some windows; each window is accepted, then `save` is called."""
     out, before, time = [], np.zeros((4, 3)), 0.0
     for n, (count, dt) in enumerate(zip(iterations, lengths)):
         for k in range(count):
@@ -95,6 +95,7 @@ def couple(exchange, iterations=ITERATIONS, lengths=LENGTHS, constant=False):
             begin = end if constant else before
             out.append(exchange.solve(window, {"Force": begin}, {"Force": end})["Displacement"])
         exchange.accept(window)
+        save(window)
         before, time = end, time + dt
     return out
 
@@ -136,6 +137,22 @@ class Windows(unittest.TestCase):
         exchange, _ = start(written("lengths"))
         self.equal(couple(exchange, lengths=lengths), direct(lengths=lengths))
 
+    def test_the_solver_completes_a_window_before_it_is_saved(self):
+        exchange, solver = start(written("saved"))
+        states = []
+
+        def save(window):
+            exchange.complete(window)
+            exchange.complete(window)  # begins the next window once
+            states.append(solver.kept[0][::-1])
+
+        self.equal(couple(exchange, save=save), direct())
+        # The checkpoint after each window but the last, in which the solver ends.
+        ends = np.cumsum(ITERATIONS) - 1
+        self.equal(states[:3], [direct()[k] for k in ends[:3]])
+        solver.thread.join(5.0)
+        self.assertEqual(solver.solves, sum(ITERATIONS) + len(ITERATIONS) + 3)
+
     def test_loads_that_are_constant_in_a_window_stay_so(self):
         exchange, _ = start(written("constant", "constant"))
         self.equal(couple(exchange, constant=True), direct(constant=True))
@@ -153,6 +170,8 @@ class Windows(unittest.TestCase):
             for entry in windows:
                 if entry is None:
                     exchange.accept(window)
+                elif entry == "save":
+                    exchange.complete(window)
                 else:
                     window = Window(index=entry[0], iteration=entry[1], dt=entry[2])
                     begin = force(*entry[:2]) if entry[0] and not jumps else 0 * POINTS
@@ -165,6 +184,8 @@ class Windows(unittest.TestCase):
         self.fails("window 1 begins, but window 0 was not accepted", exchange, (0, 0, 0.1), (1, 0, 0.1))
         exchange, _ = start(written("shorter"))
         self.fails("window 0 is repeated with a length of 0.05 s after 0.1 s", exchange, (0, 0, 0.1), (0, 1, 0.05))
+        exchange, _ = start(written("saved-shorter"))
+        self.fails("window 1 is repeated with a length of 0.05 s", exchange, (0, 0, 0.1), None, "save", (1, 0, 0.05))
         exchange, _ = start(written("accepted-twice"))
         self.fails("window 0 is accepted, but the last one computed is None", exchange, (0, 0, 0.1), None, None)
         exchange, _ = start(written("long"))

@@ -24,16 +24,16 @@ fn scene(folder: &Path) -> PathBuf {
     changed_scene("square-drop", folder, &[&SMALLER[..], &[("settled_energy_ratio = 1e-4\n", "")]].concat())
 }
 
-/// Writes the configurations of preCICE for the structure next to `scene`; their name as an option of the bridge.
-fn configurations(python: &Path, scene: &Path) -> String {
-    let pattern = scene.with_file_name("precice-{stage}.xml");
+/// Writes the configurations of preCICE for `role` next to `scene`; the options of the bridge.
+fn configurations(python: &Path, scene: &Path, role: &str) -> String {
+    let pattern = scene.with_file_name(format!("{role}-{{stage}}.xml"));
     let mut write = Command::new(python);
-    write.args(["-m", "ripstop.precice", "structure", "--write-config"]).arg(scene).arg("--config").arg(&pattern);
-    write.args(["--exchange-directory", &scene.parent().expect("a folder").display().to_string()]);
+    write.args(["-m", "ripstop.precice", role, "--write-config"]).arg(scene).arg("--config").arg(&pattern);
     write.env("PYTHONPATH", root().join("python")).env("RIPSTOP", program("ripstop")).stdin(Stdio::null());
     succeed(write);
-    assert!(scene.with_file_name("precice-descent.xml").exists());
-    format!("structure --config '{}' --effects fabric.wrinkling,lines", pattern.display())
+    assert!(scene.with_file_name(format!("{role}-descent.xml")).exists());
+    let effects = if role == "structure" { "--effects fabric.wrinkling,lines" } else { "" };
+    format!("{role} --config '{}' {effects}", pattern.display())
 }
 
 /// A program of `python/tests`.
@@ -41,9 +41,9 @@ fn test_program(python: &Path, name: &str) -> String {
     format!("'{}' '{}'", python.display(), root().join("python/tests").join(name).display())
 }
 
-/// Runs `scene` with the structure `command`: the history of the descent, and the shape of the canopy at its end.
-fn descent(scene: &Path, out: &Path, command: &str) -> (History, Vec<u8>) {
-    let mut run = ripstop_run(scene, out, &["--quiet", "--structure", command]);
+/// Runs `scene` with `command` in a role: the history of the descent, and the shape of the canopy at its end.
+fn descent(scene: &Path, out: &Path, role: &str, command: &str) -> (History, Vec<u8>) {
+    let mut run = ripstop_run(scene, out, &["--quiet", &format!("--{role}"), command]);
     // preCICE writes its logs into the current folder.
     run.env("PYTHONPATH", root().join("python")).current_dir(scene.parent().expect("a folder"));
     succeed(run);
@@ -51,39 +51,59 @@ fn descent(scene: &Path, out: &Path, command: &str) -> (History, Vec<u8>) {
     (History::read(out, "descent"), shape)
 }
 
-/// The net behind `bridge` repeats and accepts windows as without preCICE: equal in all digits.
-fn assert_equal_to_the_net_alone(python: &Path, bridge: impl Fn(&str) -> String) {
+/// A solver of `python/examples` in a role.
+struct Solver {
+    role: &'static str,
+    /// It as a program without preCICE, in `python/tests`.
+    alone: &'static str,
+    /// It as a participant of preCICE, in `python/examples`.
+    behind: &'static str,
+}
+
+const NET: Solver =
+    Solver { role: "structure", alone: "net_without_precice.py", behind: "precice_mass_spring.py" };
+const AIR: Solver =
+    Solver { role: "flow", alone: "flow_without_precice.py", behind: "precice_stagnation_flow.py" };
+
+/// The solver behind `bridge` repeats and accepts windows as without preCICE: equal in all digits.
+fn assert_equal_to_the_solver_alone(python: &Path, solver: &Solver, bridge: impl Fn(&str) -> String) {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = scene(folder.path());
-    let options = configurations(python, &scene);
-    let alone = descent(&scene, &folder.path().join("alone"), &test_program(python, "net_without_precice.py"));
-    let behind = descent(&scene, &folder.path().join("behind"), &bridge(&options));
+    let options = configurations(python, &scene, solver.role);
+    let run = |out: &str, command: &str| descent(&scene, &folder.path().join(out), solver.role, command);
+    let (alone, shape_alone) = run("alone", &test_program(python, solver.alone));
+    let (behind, shape_behind) = run("behind", &bridge(&options));
     // Windows were repeated, so that checkpoints were read.
-    let iterations = alone.0.column("coupling_iterations");
+    let iterations = alone.column("coupling_iterations");
     assert!(iterations.len() == 4 && iterations.iter().all(|&n| n > 1.0), "{iterations:?}");
     for column in ["coupling_iterations", "descent_speed_m_s", "drag_n", "interface_work_j"] {
-        assert_eq!(alone.0.column(column), behind.0.column(column), "{column}");
+        assert_eq!(alone.column(column), behind.column(column), "{column}");
     }
-    assert!(alone.1 == behind.1, "the shapes of the canopy differ");
+    assert!(shape_alone == shape_behind, "the shapes of the canopy differ");
     // The bridge reports what it can compute from loads and displacements.
-    assert!(behind.0.column("projected_area_m2").iter().all(|&area| area > 1.0));
+    assert!(behind.column("projected_area_m2").iter().all(|&area| area > 1.0));
 }
 
 #[test]
-fn structure_behind_a_stand_in_for_precice_equals_the_structure_alone() {
+fn solvers_behind_a_stand_in_for_precice_equal_the_solvers_alone() {
     let remedy = "`scripts/setup --python` installs them where there is a network";
     let Some(python) = python("iceoryx2, numpy", remedy) else { return };
-    assert_equal_to_the_net_alone(&python, |options| {
-        format!("{} {options} --solver pressure", test_program(&python, "precice_in_one_process.py"))
-    });
+    for solver in [&NET, &AIR] {
+        assert_equal_to_the_solver_alone(&python, solver, |options| {
+            format!("{} {options} --solver pressure", test_program(&python, "precice_in_one_process.py"))
+        });
+    }
 }
 
 #[test]
-fn structure_behind_precice_equals_the_structure_alone() {
+fn solvers_behind_precice_equal_the_solvers_alone() {
     let remedy = "install preCICE 3 and `pip install pyprecice` to test the bridge with the library";
     let Some(python) = python("iceoryx2, numpy, precice", remedy) else { return };
-    let net = format!("'{}' '{}'", python.display(), root().join("python/examples/precice_mass_spring.py").display());
-    assert_equal_to_the_net_alone(&python, |options| {
-        format!("'{}' -m ripstop.precice {options} --solver \"{net}\"", python.display())
-    });
+    for solver in [&NET, &AIR] {
+        let behind = root().join("python/examples").join(solver.behind);
+        assert_equal_to_the_solver_alone(&python, solver, |options| {
+            let command = format!("'{}' '{}'", python.display(), behind.display());
+            format!("'{}' -m ripstop.precice {options} --solver \"{command}\"", python.display())
+        });
+    }
 }

@@ -4,6 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from ..contract import Fault
 from ..participant import Run
 from . import config
@@ -46,7 +48,8 @@ def arguments(words):
 def write(options):
     """Writes a configuration for each stage of the role."""
     run = Run(["--scene", str(options.write_config), "--stage", "0", "--session", "-", "--out", ".", "--ranks", "1"])
-    scene = run.case()["scene"]
+    case = run.case()
+    scene = case["scene"]
     stages = [s for s in scene["stage"] if s["kind"] in config.STAGES[options.role]]
     if options.only_stage is not None:
         stages = [s for s in stages if s["name"] == options.only_stage]
@@ -55,9 +58,11 @@ def write(options):
     if len(stages) > 1 and "{stage}" not in options.config:
         names = ", ".join(s["name"] for s in stages)
         raise Fault(f"stages {names} have a {options.role}: put {{stage}} into the name of --config, or choose one with --only-stage")
+    coords = np.array(case["structure"]["coords"])
+    edges = np.linalg.norm(np.diff(coords[np.array(case["structure"]["faces"])[:, :3]], axis=1), axis=2)
     for stage in stages:
         file = Path(config.path_of(options.config, stage["name"]))
-        words = (options.mapping, options.explicit, options.exchange_directory)
+        words = (options.mapping, options.explicit, options.exchange_directory, round(4 * float(edges.max()), 6))
         file.write_text(config.text(scene, stage, options.role, options.load, *words), encoding="utf-8")
         print(f"written: {file}")
 

@@ -1,15 +1,16 @@
 """Solver programs of Ripstop that hand their work to a participant of preCICE."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 
-from ..contract import Fault
+from ..contract import Fault, Window
 from ..participant import Participant, load_state, save_state, write_shape
 from . import config
 from .config import FACES, NODES
 from .exchange import Exchange, Field
-from .solver import FILES, Solver
+from .solver import SAVE, STATE, Solver, packed, unpack
 from .surface import Surface
 from .worker import Remote
 
@@ -47,10 +48,8 @@ class Bridge(Participant):
     def __init__(self, run, options):
         if run.ranks != 1:
             raise Fault(f"{self.program} is one process, {run.ranks} were asked for: use --ranks {self.role}=1")
-        if run.resume is not None:
-            raise Fault(f"{self.program} cannot resume within a stage: start the stage from its beginning")
         self.effects = tuple(options.effects)
-        self.solver = self.remote = None
+        self.solver = self.remote = self.last = None
         case = run.case(grid=self.role == "flow")
         scene, mesh = case["scene"], case["structure"]
         self.stage = scene["stage"][run.stage]
@@ -71,14 +70,11 @@ class Bridge(Participant):
     def connect(self, run, options, file):
         """Starts the solver, and preCICE with the meshes."""
         if options.solver:
-            state = Path(self.state).parent / FILES if self.state else None
-            if state and not state.is_dir():
-                raise Fault(
-                    f"{state} does not exist: the solver behind preCICE was ended before it could save its state, because "
-                    "an earlier stage ended before its `duration_s`; remove `settled_energy_ratio` or shorten the stage"
-                )
-            folder = (run.out / self.stage["name"] / FILES).resolve()
-            self.solver = Solver(options.solver, run, file, state and state.resolve(), folder)
+            work = (run.out / self.stage["name"]).resolve()
+            state = self.unpack(work / STATE)
+            for left in config.connection_folders(file):
+                shutil.rmtree(left, ignore_errors=True)  # of a run that was killed: preCICE would refuse to start
+            self.solver = Solver(options.solver, run, file, state, work / SAVE)
         self.remote = Remote(config.NAME, file, self.observe)
         positions = {NODES: self.reference, FACES: self.surface.centres(self.reference)}
         writes, reads = ([Field(*f) for f in fields] for fields in config.fields(self.role, self.kind))
@@ -86,6 +82,19 @@ class Bridge(Participant):
         meshes = {name: at for name, at in positions.items() if name in used}
         triangles = {NODES: self.surface.triangles()} if NODES in used else {}
         self.exchange = Exchange(self.remote, meshes, writes, reads, triangles, options.repeat_tolerance)
+
+    def unpack(self, folder):
+        """Writes the files that the solver saved in an earlier stage below `folder`; None in the first stage."""
+        if not self.state:
+            return None
+        files = load_state(self.state).get("solver")
+        if files is None:
+            raise Fault(
+                f"{self.state} has no files of the solver behind preCICE: it must write what it needs to continue into the folder "
+                "that its variable RIPSTOP_SAVE names, at each checkpoint and at its end"
+            )
+        unpack(files, folder)
+        return folder
 
     def observe(self):
         """Called while preCICE waits."""
@@ -101,11 +110,18 @@ class Bridge(Participant):
                 self.solver.wait()
         return self.remote is None
 
+    def accept(self, window):
+        self.exchange.accept(window)
+        self.last = Window.from_buffer_copy(window)
+
     def save(self, folder):
-        """Writes the bridge's state; at the end of the stage also what the solver saved."""
-        if self.finish() and self.solver:
-            self.solver.copy(folder)
-        self.write(folder)
+        """Writes the bridge's state and what the solver saved."""
+        files = {}
+        if not self.finish() and self.last:
+            self.exchange.complete(self.last)
+        if self.solver and any(self.solver.save_folder.iterdir()):
+            files["solver"] = packed(self.solver.save_folder)
+        self.write(folder, files)
 
     def close(self):
         """Ends what still runs."""
@@ -131,6 +147,8 @@ class StructureBridge(Bridge):
             state = load_state(self.state)
             self.u = self.before = state["u"]
             self.velocity = state["velocity"]
+            if run.resume:
+                self.before, self.length = state["before"], float(state["length"])
         self.payload = bool(PAYLOAD.intersection(self.effects))
         if self.payload and case["scene"]["fabric_gravity"]:
             raise Fault(
@@ -175,12 +193,12 @@ class StructureBridge(Bridge):
         return {"Pressure": load[:, 0].copy(), "Traction": load[:, 1:].copy()}
 
     def accept(self, window):
-        self.exchange.accept(window)
+        super().accept(window)
         self.before, self.length = self.u, window.dt
         self.u, self.velocity = self.trial
 
-    def write(self, folder):
-        save_state(folder, "structure", u=self.u, velocity=self.velocity)
+    def write(self, folder, files):
+        save_state(folder, "structure", u=self.u, velocity=self.velocity, before=self.before, length=self.length, **files)
         write_shape(folder, self.coords + self.u)
 
 
@@ -196,6 +214,11 @@ class FlowBridge(Bridge):
         self.reference = np.array(grid["coords"])[self.nodes]
         self.moving = self.stage["kind"] in ("coupled", "prescribed")
         self.grid_nodes = len(grid["coords"]) if self.moving else 0
+        self.begin = self.trial = None  # data at the start and at the end of the window
+        state = load_state(self.state) if self.state else {}
+        if "positions" in state:
+            velocity = state["frame_velocity"]
+            self.begin = {"Displacement": state["positions"] - self.reference, "FrameVelocity": velocity}
 
     def grid_rows(self):
         return self.nodes if self.moving else np.arange(0)
@@ -203,9 +226,9 @@ class FlowBridge(Bridge):
     def advance(self, window, canopy, grid, output):
         x = grid[:, :3] if self.moving else self.reference
         velocity = np.tile(np.array(window.frame_velocity), (self.canopy_nodes, 1))
-        end = {"Displacement": x - self.reference, "FrameVelocity": velocity}
-        start = {name: np.zeros_like(values) for name, values in end.items()}
-        response = self.exchange.solve(window, start, end)
+        self.trial = {"Displacement": x - self.reference, "FrameVelocity": velocity}
+        self.begin = self.begin or self.trial | {"Displacement": np.zeros_like(self.reference)}
+        response = self.exchange.solve(window, self.begin, self.trial)
         if self.kind == "force":
             load = self.surface.load(x, response["Force"])
         else:
@@ -220,10 +243,14 @@ class FlowBridge(Bridge):
         }
 
     def accept(self, window):
-        self.exchange.accept(window)
+        super().accept(window)
+        self.begin = self.trial
 
-    def write(self, folder):
-        save_state(folder, "flow", nothing=np.zeros(1))
+    def write(self, folder, files):
+        if self.begin:
+            files["positions"] = self.reference + self.begin["Displacement"]
+            files["frame_velocity"] = self.begin["FrameVelocity"]
+        save_state(folder, "flow", **files)
 
 
 ROLES = {"structure": StructureBridge, "flow": FlowBridge}

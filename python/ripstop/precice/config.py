@@ -61,8 +61,9 @@ def element(tag, _inside=(), **values):
     return [f"<{tag}{attributes(**values)}>", *("  " + line for line in _inside), f"</{tag}>"]
 
 
-def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, exchange_directory="."):
-    """The configuration for one stage of a scene with its defaults (`ripstop mesh`)."""
+def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, exchange_directory=".", radius=0.0):
+    """The configuration for one stage of a scene with its defaults (`ripstop mesh`). `radius` is the support of the
+    functions of the mapping `rbf`, m."""
     solver = SOLVERS[role]
     writes, reads = fields(role, load)
     writes = writes + [(COUNTER, writes[0][1])]
@@ -79,14 +80,14 @@ def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, e
         for mesh in (own, theirs):
             uses = [line for name, at in writes + reads if at == own for line in element("use-data", name=name)]
             lines += element("mesh", uses, name=mesh, dimensions=3)
-    lines += element("participant", _bridge(writes, reads, there, solver, mapping, constraint), name=NAME)
+    lines += element("participant", _bridge(writes, reads, there, solver, mapping, constraint, radius), name=NAME)
     lines += element("participant", _solver(writes, reads, there), name=solver)
     lines += element("m2n:sockets", acceptor=NAME, connector=solver, exchange_directory=exchange_directory)
     lines += _scheme(writes, reads, there, solver, duration(stage), explicit)
     return "\n".join(['<?xml version="1.0" encoding="UTF-8"?>', *element("precice-configuration", lines), ""])
 
 
-def _bridge(writes, reads, there, solver, mapping, constraint):
+def _bridge(writes, reads, there, solver, mapping, constraint, radius):
     """The participant that the bridge is: it maps in both directions."""
     lines = []
     for own, theirs in there.items():
@@ -98,7 +99,8 @@ def _bridge(writes, reads, there, solver, mapping, constraint):
         for own in dict.fromkeys(mesh for _, mesh in some):
             ends = (own, there[own]) if direction == "write" else (there[own], own)
             of = {"direction": direction, "from": ends[0], "to": ends[1], "constraint": constraint[direction]}
-            lines += element(f"mapping:{mapping}", **of)
+            basis = element("basis-function:compact-polynomial-c6", support_radius=repr(radius)) if mapping == "rbf" else []
+            lines += element(f"mapping:{mapping}", basis, **of)
     return lines
 
 
@@ -171,3 +173,11 @@ def check(file, role, load, scene):
                 f"{file}: waveform-degree of `{name}` is {degrees[name]}, but `coupling.load_interpolation` of the scene "
                 f"asks for {degree(scene, role)}: write it again with --write-config"
             )
+
+
+def connection_folders(file):
+    """Folders in which preCICE exchanges addresses for this configuration."""
+    for sockets in parse(file).iter("m2n.sockets"):
+        ends = sockets.get("acceptor"), sockets.get("connector")
+        for one, other in (ends, ends[::-1]):
+            yield Path(sockets.get("exchange-directory", "."), "precice-run", f"{one}-{other}")

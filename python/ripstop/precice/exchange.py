@@ -9,12 +9,14 @@ measure is the change of the scalar `Iteration`:
 | `advance(n, k)` | those of iteration k | one more than before | not converged: the solver returns to its checkpoint |
 | `accept(n)` | those of the accepted iteration, again | unchanged | converged: the solver keeps this state |
 
-The solver computes the accepted iteration twice; both responses are compared. With a serial-explicit scheme there is
+The solver computes the accepted iteration twice; both responses are compared. It returns from its last `advance` of a window when
+the next one begins, so before a saved state is written the bridge begins that window (`Exchange.complete`). With a serial-explicit scheme there is
 one iteration in each window, and nothing is computed twice.
 """
 
 import numpy as np
 
+from ..contract import Window
 from .errors import CouplingError
 
 # The counter whose change is the convergence measure of preCICE.
@@ -51,7 +53,9 @@ class Exchange:
             if len(corners):
                 participant.set_mesh_triangles(name, self.ids[name][corners])
         self.implicit = None  # known after the start
-        self.open = None  # index and length of the window that is not accepted
+        self.open = None  # index of the window that is not accepted
+        self.length = None  # of the last window, s
+        self.ahead = False  # the next window was begun before Ripstop asked for it
         self.counter = 0
         self.data = self.response = None
         self.accepted = None  # response to the last accepted window
@@ -63,19 +67,19 @@ class Exchange:
             self.begin(start)
         if self.open is None:
             self.continues(window, start, end)
-        elif self.open[0] != window.index:
-            raise CouplingError(f"window {window.index} begins, but window {self.open[0]} was not accepted")
+        elif self.open != window.index:
+            raise CouplingError(f"window {window.index} begins, but window {self.open} was not accepted")
         elif not self.implicit:
             raise CouplingError(
                 f"window {window.index} is repeated (iteration {window.iteration}), but the scheme in the configuration of "
                 "preCICE is explicit: write it for an implicit scheme, or set `coupling.scheme = \"staggered\"` in the scene"
             )
-        elif self.open[1] != window.dt:
+        if (self.open is not None or self.ahead) and self.length != window.dt:
             raise CouplingError(
-                f"window {window.index} is repeated with a length of {window.dt} s after {self.open[1]} s: preCICE keeps the "
+                f"window {window.index} is repeated with a length of {window.dt} s after {self.length} s: preCICE keeps the "
                 "length of a window that it repeats; disable `coupling.adaptive`"
             )
-        self.open = (window.index, window.dt)
+        self.open, self.length, self.ahead = window.index, window.dt, False
         self.counter += 1
         self.data = {name: np.array(values) for name, values in end.items()}
         complete = self.advance(window)
@@ -92,7 +96,7 @@ class Exchange:
 
     def accept(self, window):
         """The last response is final."""
-        if self.open is None or self.open[0] != window.index:
+        if self.open is None or self.open != window.index:
             raise CouplingError(f"window {window.index} is accepted, but the last one computed is {self.open}")
         if self.implicit:
             if not self.advance(window):
@@ -102,6 +106,17 @@ class Exchange:
                 )
             self.compare(window, self.read(0.0))
         self.open, self.accepted = None, self.response
+
+    def complete(self, window):
+        """Begins the window after `window`, the last accepted one, with the same data: the solver then completes that one,
+        and writes its checkpoint. Nothing in an explicit scheme, in which a window cannot be repeated."""
+        if self.implicit and self.open is None and not self.ahead and self.ongoing():
+            dt = window.dt
+            if self.participant.get_max_time_step_size() < dt * (1 - SAME_TIME):
+                return
+            self.counter += 1
+            self.advance(Window(index=window.index + 1, time=window.time + dt, dt=dt))
+            self.ahead = True
 
     def ongoing(self):
         """Whether preCICE expects more windows."""

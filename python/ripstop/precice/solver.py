@@ -1,12 +1,15 @@
 """The external solver, where the bridge starts it (`--solver`)."""
 
+import io
 import os
 import shlex
 import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
+import zipfile
+
+import numpy as np
 
 from .errors import SolverEnded
 from .worker import end_with_parent, no_rank
@@ -17,14 +20,30 @@ END_S = 60.0
 # Seconds between SIGTERM and SIGKILL.
 GRACE_S = 5.0
 
-# Name of the folder below a saved state that has the files of the solver.
-FILES = "precice-solver"
+# Folders of a stage: what the solver starts from, and what it saves.
+STATE, SAVE = "precice-state", "precice-save"
+
+
+def packed(folder):
+    """The files below `folder` as an array of bytes (a zip archive), which a saved state contains."""
+    memory = io.BytesIO()
+    with zipfile.ZipFile(memory, "w") as archive:
+        for path in sorted(folder.rglob("*")):
+            archive.write(path, path.relative_to(folder))
+    return np.frombuffer(memory.getvalue(), dtype=np.uint8)
+
+
+def unpack(files, folder):
+    """Writes what `packed` returned below `folder`."""
+    shutil.rmtree(folder, ignore_errors=True)
+    with zipfile.ZipFile(io.BytesIO(files.tobytes())) as archive:
+        archive.extractall(folder)
 
 
 class Solver:
     """A child process. Its variables: RIPSTOP_SCENE, RIPSTOP_STAGE (number), RIPSTOP_OUT, RIPSTOP_PRECICE_CONFIG,
-    RIPSTOP_STATE (folder of what it wrote in the last stage of its role; empty in the first), RIPSTOP_SAVE (empty folder for
-    what it needs in the next one)."""
+    RIPSTOP_STATE (folder with what it saved earlier; empty in the first stage), RIPSTOP_SAVE (folder for what it needs to
+    continue, written at each checkpoint and at its end)."""
 
     def __init__(self, command, run, config, state, folder):
         self.command, self.save_folder = command, folder
@@ -64,10 +83,6 @@ class Solver:
             raise SolverEnded(f"the solver `{self.command}` did not end within {END_S:.0f} s after the last window") from None
         if code != 0:
             raise SolverEnded(f"the solver `{self.command}` ended with code {code} after the last window: see the log of this program")
-
-    def copy(self, folder):
-        """Copies what the solver saved below the saved state `folder`."""
-        shutil.copytree(self.save_folder, Path(folder) / FILES, dirs_exist_ok=True)
 
     def end(self):
         """Ends the solver if it still runs."""
