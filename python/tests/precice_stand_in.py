@@ -20,7 +20,7 @@ class Error(RuntimeError):
 
 
 def reset():
-    """Forgets all participants."""
+    """Removes all participants."""
     _lines.clear()
 
 

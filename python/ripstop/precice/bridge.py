@@ -59,6 +59,7 @@ class Bridge(Participant):
         self.kind = options.load
         file = Path(config.path_of(options.config, self.stage["name"])).resolve()
         config.check(file, self.role, self.kind, scene)
+        self.linear = config.degree(scene, self.role) == 1
         self.state = run.state(case, self.role)
         self.prepare(case, run)
         try:
@@ -81,7 +82,7 @@ class Bridge(Participant):
         used = {f.mesh for f in writes + reads}
         meshes = {name: at for name, at in positions.items() if name in used}
         triangles = {NODES: self.surface.triangles()} if NODES in used else {}
-        self.exchange = Exchange(self.remote, meshes, writes, reads, triangles, options.repeat_tolerance)
+        self.exchange = Exchange(self.remote, meshes, writes, reads, triangles, self.linear, options.repeat_tolerance)
 
     def unpack(self, folder):
         """Writes the files that the solver saved in an earlier stage below `folder`; None in the first stage."""
@@ -162,8 +163,8 @@ class StructureBridge(Bridge):
         step = window.dt / self.length if self.length else 0.0
         expected = self.coords + self.u + step * (self.u - self.before)
         data = [self.written(x, canopy[:, k]) for k, x in ((0, self.coords + self.u), (1, expected))]
-        if np.array_equal(canopy[:, 0], canopy[:, 1]):
-            data[0] = data[1]  # constant in the window
+        if not self.linear:
+            data[0] = data[1] if np.array_equal(canopy[:, 0], canopy[:, 1]) else data[0]  # forces depend on the shape
         u = self.exchange.solve(window, *data)["Displacement"]
         output[:] = u
         self.trial = u, (u - self.u) / window.dt

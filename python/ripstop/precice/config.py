@@ -44,6 +44,16 @@ def degree(scene, role):
     return 1 if role == "flow" or scene["coupling"]["load_interpolation"] == "linear" else 0
 
 
+def refuse_linear(scene, role, load, explicit):
+    """Refuses loads that are linear in a window where preCICE cannot interpolate as Ripstop does: in the first window of a
+    coupled stage the load at its start follows from the iteration, and forces from the shape."""
+    if role == "structure" and degree(scene, role) == 1 and not (explicit and load == "pressure"):
+        raise ConfigError(
+            'the scene has `coupling.load_interpolation = "linear"`, which passes through preCICE only with --load pressure and '
+            '--explicit: set it to "mean" or "constant"'
+        )
+
+
 def duration(stage):
     """Planned time of a stage, s: whole windows."""
     return max(1, round(stage["duration_s"] / stage["window_s"])) * stage["window_s"]
@@ -64,6 +74,7 @@ def element(tag, _inside=(), **values):
 def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, exchange_directory=".", radius=0.0):
     """The configuration for one stage of a scene with its defaults (`ripstop mesh`). `radius` is the support of the
     functions of the mapping `rbf`, m."""
+    refuse_linear(scene, role, load, explicit)
     solver = SOLVERS[role]
     writes, reads = fields(role, load)
     writes = writes + [(COUNTER, writes[0][1])]
@@ -164,6 +175,7 @@ def check(file, role, load, scene):
         for e in scheme:
             if e.tag in ("max-iterations", "min-iterations") or e.tag.startswith("acceleration"):
                 raise ConfigError(f"{file}: remove <{e.tag.replace('.', ':')}>: Ripstop iterates and accelerates")
+    refuse_linear(scene, role, load, scheme.tag.endswith("explicit"))
     degrees = {e.get("name"): int(e.get("waveform-degree", "1")) for e in root if e.tag.startswith("data.")}
     for name, _ in fields(role, load)[0]:
         if name not in degrees:

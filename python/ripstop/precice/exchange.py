@@ -25,6 +25,9 @@ COUNTER = "Iteration"
 # Relative difference up to which two lengths of time are the same.
 SAME_TIME = 1e-9
 
+# Relative difference up to which data are the same.
+SAME_DATA = 1e-9
+
 # Difference, s, up to which preCICE takes two times as the same (1e-14, `math/differences.hpp`), with a margin.
 PRECICE_TIME = 5e-15
 
@@ -43,10 +46,11 @@ class Exchange:
     """Couples windows through `participant`, a `precice.Participant`.
 
     `meshes` has the positions `[vertices][3]` (m) by the name of the mesh, `triangles` their vertices `[..][3]`;
-    `writes` and `reads` are lists of `Field`. The counter is written on the mesh of the first field."""
+    `writes` and `reads` are lists of `Field`. The counter is written on the mesh of the first field. `linear`: preCICE
+    interpolates what is written from one window to the next; otherwise it is constant in a window."""
 
-    def __init__(self, participant, meshes, writes, reads, triangles=None, repeat_tolerance=REPEAT_TOLERANCE):
-        self.participant, self.writes, self.reads = participant, writes, reads
+    def __init__(self, participant, meshes, writes, reads, triangles=None, linear=False, repeat_tolerance=REPEAT_TOLERANCE):
+        self.participant, self.writes, self.reads, self.linear = participant, writes, reads, linear
         self.tolerance = repeat_tolerance
         self.ids = {name: participant.set_mesh_vertices(name, at) for name, at in meshes.items()}
         for name, corners in (triangles or {}).items():
@@ -57,7 +61,7 @@ class Exchange:
         self.length = None  # of the last window, s
         self.ahead = False  # the next window was begun before Ripstop asked for it
         self.counter = 0
-        self.data = self.response = None
+        self.data = self.response = self.held = None  # `held`: data at the start of the window
         self.accepted = None  # response to the last accepted window
 
     def solve(self, window, start, end):
@@ -65,11 +69,9 @@ class Exchange:
         Both are by names of `writes`."""
         if self.implicit is None:
             self.begin(start)
-        if self.open is None:
-            self.continues(window, start, end)
-        elif self.open != window.index:
+        if self.open not in (None, window.index):
             raise CouplingError(f"window {window.index} begins, but window {self.open} was not accepted")
-        elif not self.implicit:
+        if self.open is not None and not self.implicit:
             raise CouplingError(
                 f"window {window.index} is repeated (iteration {window.iteration}), but the scheme in the configuration of "
                 "preCICE is explicit: write it for an implicit scheme, or set `coupling.scheme = \"staggered\"` in the scene"
@@ -79,6 +81,7 @@ class Exchange:
                 f"window {window.index} is repeated with a length of {window.dt} s after {self.length} s: preCICE keeps the "
                 "length of a window that it repeats; disable `coupling.adaptive`"
             )
+        self.continues(window, start, end)
         self.open, self.length, self.ahead = window.index, window.dt, False
         self.counter += 1
         self.data = {name: np.array(values) for name, values in end.items()}
@@ -105,7 +108,7 @@ class Exchange:
                     f"its configuration must be that of the data `{COUNTER}` alone, as --write-config writes it"
                 )
             self.compare(window, self.read(0.0))
-        self.open, self.accepted = None, self.response
+        self.open, self.accepted, self.held = None, self.response, self.data
 
     def complete(self, window):
         """Begins the window after `window`, the last accepted one, with the same data: the solver then completes that one,
@@ -124,23 +127,23 @@ class Exchange:
 
     def begin(self, start):
         """Connects to the solver."""
+        self.held = start
         if self.participant.requires_initial_data():
             self.write(start)
         self.participant.initialize()
         self.implicit = self.participant.requires_writing_checkpoint()
 
     def continues(self, window, start, end):
-        """Refuses data that do not begin where those of the last window ended: preCICE would interpolate between those."""
-        if self.accepted is None:
-            return
+        """Refuses data between which preCICE interpolates in another way than Ripstop."""
         for name, values in start.items():
-            scale = np.abs(values).max(initial=0.0)
-            jump = np.abs(values - self.data[name]).max(initial=0.0)
-            if jump > 1e-9 * scale and not np.array_equal(values, end[name]):
+            before = self.held[name] if self.linear else end[name]
+            scale, jump = (np.abs(x).max(initial=0.0) for x in (values, values - before))
+            if jump > SAME_DATA * scale:
+                there = "the end of the last one" if self.linear else "its end, but preCICE keeps it constant in a window"
                 raise CouplingError(
-                    f"`{name}` at the start of window {window.index} differs by {jump:.3e} from the end of the last window "
-                    f"(largest value {scale:.3e}), between which preCICE interpolates: set "
-                    '`coupling.load_interpolation = "constant"` in the scene and write the configuration again'
+                    f"`{name}` at the start of window {window.index} (iteration {window.iteration}) differs by {jump:.3e} from "
+                    f"{there} (largest value {scale:.3e}): set `coupling.load_interpolation` of the scene to "
+                    '"mean" or "constant", and write the configuration again'
                 )
 
     def write(self, data):
