@@ -4,9 +4,9 @@
     ripstop run SCENE --structure "python -m ripstop.precice structure --config 'precice-{stage}.xml'
         --effects fabric.wrinkling,lines --solver 'python python/examples/precice_mass_spring.py'"
 
-It shows what an adapter does: it holds a checkpoint, repeats a window when preCICE asks for it, and reads the load within the
-window as preCICE interpolates it. It knows nothing of the coupling scheme. What depends on Ripstop is the scene, from which it
-takes its net, and the folders in which it keeps its state from one stage to the next.
+It shows what an adapter does: it holds a checkpoint, repeats a window when preCICE asks for it, and reads the load within
+the window as preCICE interpolates it. It knows nothing of the coupling scheme. What depends on Ripstop is the scene, from
+which it takes its net, and the folders in which it keeps its state from one stage to the next.
 """
 
 import argparse

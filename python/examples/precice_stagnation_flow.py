@@ -4,9 +4,9 @@
     ripstop run SCENE --flow "python -m ripstop.precice flow --config 'precice-{stage}.xml'
         --solver 'python python/examples/precice_stagnation_flow.py'"
 
-It reads the displacement of the canopy since the start of the stage and the velocity of the falling frame, and writes pressure
-jump and traction on the faces. The velocity of the faces follows from the displacement at the end of the last time window,
-which is its checkpoint.
+It reads the displacement of the canopy since the start of the stage and the velocity of the falling frame, and writes
+pressure jump and traction on the faces. The velocity of the faces follows from the displacement at the end of the last
+time window, which is its checkpoint.
 """
 
 import argparse

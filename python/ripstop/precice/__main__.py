@@ -26,20 +26,23 @@ def arguments(words):
         "--load",
         choices=("pressure", "force"),
         default="pressure",
-        help="loads as pressure jump and traction at face centres (Pa), or as forces (N): at nodes for a structure, at face "
-        "centres from a flow (default: pressure)",
+        help="pressure jump and traction at face centres (Pa), or forces (N): at nodes for a structure, at face centres from "
+        "a flow (default: pressure)",
     )
+    add = parser.add_argument
     name = "precice-config.xml"
-    parser.add_argument("--config", default=name, metavar="FILE", help=f"configuration of preCICE (default: {name}); {{stage}}: name of the stage")
-    parser.add_argument("--solver", metavar="COMMAND", help="starts this program for each stage (default: it is started by hand)")
-    parser.add_argument("--effects", default="", metavar="KEYS", help="keys of the scene whose physics the solver has, separated by commas")
-    parser.add_argument("--repeat-tolerance", type=float, default=REPEAT_TOLERANCE, metavar="X", help=f"largest difference of two responses to the same data, relative to the change over the window (default: {REPEAT_TOLERANCE})")
-    writing = parser.add_argument_group("to write a configuration")
-    writing.add_argument("--write-config", type=Path, metavar="SCENE", help="scene for which FILE of --config is written")
-    writing.add_argument("--only-stage", metavar="NAME", help="one stage instead of all with this role")
-    writing.add_argument("--mapping", choices=config.MAPPINGS, default=config.MAPPINGS[0], help=f"default: {config.MAPPINGS[0]}")
-    writing.add_argument("--explicit", action="store_true", help="one iteration in each window, for staggered schemes")
-    writing.add_argument("--exchange-directory", default=".", metavar="DIR", help="where both participants find each other (default: .)")
+    text = f"configuration of preCICE (default: {name}); {{stage}} stands for the name of the stage"
+    add("--config", default=name, metavar="FILE", help=text)
+    add("--solver", metavar="COMMAND", help="starts this program for each stage (default: it is started by hand)")
+    add("--effects", default="", metavar="KEYS", help="keys of the scene that the solver has, separated by commas")
+    text = f"largest difference of two responses to the same data, relative to the change over the window ({REPEAT_TOLERANCE})"
+    add("--repeat-tolerance", type=float, default=REPEAT_TOLERANCE, metavar="X", help=text)
+    add = parser.add_argument_group("to write a configuration").add_argument
+    add("--write-config", type=Path, metavar="SCENE", help="scene for which FILE of --config is written")
+    add("--only-stage", metavar="NAME", help="one stage instead of all with this role")
+    add("--mapping", choices=config.MAPPINGS, default=config.MAPPINGS[0], help=f"default: {config.MAPPINGS[0]}")
+    add("--explicit", action="store_true", help="one iteration in each window, for staggered schemes")
+    add("--exchange-directory", default=".", metavar="DIR", help="where the participants find each other (default: .)")
     own, left = parser.parse_known_args(words)
     own.effects = [key for key in own.effects.split(",") if key]
     return own, left
@@ -47,17 +50,20 @@ def arguments(words):
 
 def write(options):
     """Writes a configuration for each stage of the role."""
-    run = Run(["--scene", str(options.write_config), "--stage", "0", "--session", "-", "--out", ".", "--ranks", "1"])
-    case = run.case()
+    words = ["--scene", str(options.write_config), "--stage", "0", "--session", "-", "--out", ".", "--ranks", "1"]
+    case = Run(words).case()
     scene = case["scene"]
     stages = [s for s in scene["stage"] if s["kind"] in config.STAGES[options.role]]
     if options.only_stage is not None:
         stages = [s for s in stages if s["name"] == options.only_stage]
     if not stages:
-        raise Fault(f"{options.write_config} has no stage {options.only_stage or ''} with a {options.role}".replace("  ", " "))
+        which = f"stage `{options.only_stage}`" if options.only_stage else "stage"
+        raise Fault(f"{options.write_config} has no {which} with a {options.role}")
     if len(stages) > 1 and "{stage}" not in options.config:
         names = ", ".join(s["name"] for s in stages)
-        raise Fault(f"stages {names} have a {options.role}: put {{stage}} into the name of --config, or choose one with --only-stage")
+        raise Fault(
+            f"stages {names} have a {options.role}: put {{stage}} into the name of --config, or choose one with --only-stage"
+        )
     coords = np.array(case["structure"]["coords"])
     edges = np.linalg.norm(np.diff(coords[np.array(case["structure"]["faces"])[:, :3]], axis=1), axis=2)
     for stage in stages:

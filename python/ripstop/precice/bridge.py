@@ -50,8 +50,11 @@ class Bridge(Participant):
             raise Fault(f"{self.program} is one process, {run.ranks} were asked for: use --ranks {self.role}=1")
         self.effects = tuple(options.effects)
         self.solver = self.remote = self.last = None
+        scene = run.case()["scene"]
+        if self.role == "flow" and scene["flow"]["immersed"]:
+            raise Fault(f"{self.program} needs a mesh-mover, which scenes with [flow.immersed] have not: remove that table")
         case = run.case(grid=self.role == "flow")
-        scene, mesh = case["scene"], case["structure"]
+        mesh = case["structure"]
         self.stage = scene["stage"][run.stage]
         self.faces, self.canopy_nodes = np.array(mesh["faces"]), mesh["n_canopy"]
         self.surface = Surface(self.faces, self.canopy_nodes)
@@ -91,8 +94,8 @@ class Bridge(Participant):
         files = load_state(self.state).get("solver")
         if files is None:
             raise Fault(
-                f"{self.state} has no files of the solver behind preCICE: it must write what it needs to continue into the folder "
-                "that its variable RIPSTOP_SAVE names, at each checkpoint and at its end"
+                f"{self.state} has no files of the solver behind preCICE: it must write what it needs to continue into the "
+                "folder that its variable RIPSTOP_SAVE names, at each checkpoint and at its end"
             )
         unpack(files, folder)
         return folder

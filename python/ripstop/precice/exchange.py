@@ -9,9 +9,9 @@ measure is the change of the scalar `Iteration`:
 | `advance(n, k)` | those of iteration k | one more than before | not converged: the solver returns to its checkpoint |
 | `accept(n)` | those of the accepted iteration, again | unchanged | converged: the solver keeps this state |
 
-The solver computes the accepted iteration twice; both responses are compared. It returns from its last `advance` of a window when
-the next one begins, so before a saved state is written the bridge begins that window (`Exchange.complete`). With a serial-explicit scheme there is
-one iteration in each window, and nothing is computed twice.
+The solver computes the accepted iteration twice; both responses are compared. It returns from its last `advance` of a
+window when the next one begins, so before a state is saved the bridge begins that window (`Exchange.complete`). With a
+serial-explicit scheme there is one iteration in each window, and nothing is computed twice.
 """
 
 import numpy as np

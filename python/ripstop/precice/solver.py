@@ -20,6 +20,9 @@ END_S = 60.0
 # Seconds between SIGTERM and SIGKILL.
 GRACE_S = 5.0
 
+# Where the output of the solver is.
+LOG = ": see the log of this program"
+
 # Folders of a stage: what the solver starts from, and what it saves.
 STATE, SAVE = "precice-state", "precice-save"
 
@@ -72,7 +75,7 @@ class Solver:
         """Refuses to wait for a solver that has ended."""
         code = self.child.poll()
         if code is not None:
-            raise SolverEnded(f"the solver `{self.command}` ended with code {code} before the stage did: see the log of this program")
+            raise SolverEnded(f"the solver `{self.command}` ended with code {code} before the stage did{LOG}")
 
     def wait(self):
         """Waits for the end of the solver after the last window."""
@@ -80,9 +83,10 @@ class Solver:
             code = self.child.wait(END_S)
         except subprocess.TimeoutExpired:
             self.end()
-            raise SolverEnded(f"the solver `{self.command}` did not end within {END_S:.0f} s after the last window") from None
+            where = f"the solver `{self.command}` did not end within {END_S:.0f} s after the last window"
+            raise SolverEnded(f"{where}{LOG}") from None
         if code != 0:
-            raise SolverEnded(f"the solver `{self.command}` ended with code {code} after the last window: see the log of this program")
+            raise SolverEnded(f"the solver `{self.command}` ended with code {code} after the last window{LOG}")
 
     def end(self):
         """Ends the solver if it still runs."""
