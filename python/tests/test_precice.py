@@ -2,6 +2,7 @@
 
 import sys
 import threading
+import types
 import unittest
 
 import numpy as np
@@ -11,6 +12,7 @@ from ripstop.contract import Window
 from ripstop.precice import config, worker
 from ripstop.precice.errors import ConfigError, CouplingError, PreciceError, PreciceMissing, SolverEnded
 from ripstop.precice.exchange import Exchange, Field
+from ripstop.precice.solver import Solver, packed, unpack
 from ripstop.precice.surface import Surface
 
 POINTS = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.5]])
@@ -296,6 +298,28 @@ class Processes(unittest.TestCase):
         with self.assertRaisesRegex(SolverEnded, "it ended"):
             remote.advance(0.5)
         remote.kill()
+
+    def test_ends_of_a_solver(self):
+        run = types.SimpleNamespace(scene="s", stage=0, out="o")
+
+        def solver(command):
+            return Solver(command, run, "c", None, scratch() / "save")
+
+        failed = solver("sh -c 'test -d $RIPSTOP_SAVE && exit 3'")
+        failed.child.wait()
+        with self.assertRaisesRegex(SolverEnded, "ended with code 3 before the stage did"):
+            failed.observe()
+        # preCICE may return here only after the solver has ended well.
+        good = solver("sh -c 'echo x >$RIPSTOP_SAVE/file'")
+        good.wait()
+        good.observe()
+        good.ended -= 60.0
+        with self.assertRaisesRegex(SolverEnded, "ended with code 0 before the stage did"):
+            good.observe()
+        unpack(packed(good.save_folder), scratch() / "again")
+        self.assertEqual((scratch() / "again/file").read_text(), "x\n")
+        with self.assertRaisesRegex(SolverEnded, "cannot be started"):
+            solver("/nowhere/solver")
 
     def test_missing_bindings_name_what_to_install(self):
         with self.assertRaisesRegex(PreciceMissing, "no libprecice.*install the library preCICE 3 .*pip install pyprecice"):

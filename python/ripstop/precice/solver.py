@@ -17,7 +17,7 @@ from .worker import end_with_parent, no_rank
 # Longest wait for the end of the solver after the last window, s.
 END_S = 60.0
 
-# Seconds between SIGTERM and SIGKILL.
+# Seconds between SIGTERM and SIGKILL, and between the good end of the solver and that of preCICE here.
 GRACE_S = 5.0
 
 # Where the output of the solver is.
@@ -49,7 +49,7 @@ class Solver:
     continue, written at each checkpoint and at its end)."""
 
     def __init__(self, command, run, config, state, folder):
-        self.command, self.save_folder = command, folder
+        self.command, self.save_folder, self.ended = command, folder, None
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         names = {
@@ -72,9 +72,12 @@ class Solver:
             raise SolverEnded(f"the solver `{command}` cannot be started: {error}") from error
 
     def observe(self):
-        """Refuses to wait for a solver that has ended."""
+        """Refuses to wait for a solver that has ended. After the last window it may end before preCICE returns here."""
         code = self.child.poll()
-        if code is not None:
+        if code is None:
+            return
+        self.ended = self.ended or time.monotonic()
+        if code != 0 or time.monotonic() - self.ended > GRACE_S:
             raise SolverEnded(f"the solver `{self.command}` ended with code {code} before the stage did{LOG}")
 
     def wait(self):

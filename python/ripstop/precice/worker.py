@@ -8,11 +8,15 @@ import ctypes
 import multiprocessing
 import os
 import signal
+import time
 
 from .errors import PreciceError, PreciceMissing
 
 # Seconds between two looks at the solver while preCICE waits.
 LOOK_S = 0.2
+
+# Looks at the solver after preCICE failed.
+LOOKS = 5
 
 # From <sys/prctl.h>: the signal that a process receives when its parent ends.
 PR_SET_PDEATHSIG = 1
@@ -100,7 +104,9 @@ class Remote:
         if kind == "missing":
             raise PreciceMissing(value)
         if kind == "failed":
-            self._observe()  # the solver's end explains a lost connection
+            for _ in range(LOOKS):  # the end of the solver explains a lost connection
+                self._observe()
+                time.sleep(LOOK_S)
             raise PreciceError(f"preCICE failed in {what}: {value}")
         return value
 
