@@ -120,7 +120,9 @@ impl Data {
     /// # Errors
     /// The grid was not asked for.
     pub fn grid(&self) -> Result<CGrid, Fault> {
-        let none = || Fault::new("this program asked for no flow grid: set `needs_grid` of its ripstop_program to 1");
+        let none = || {
+            Fault::new("this program asked for no flow grid: set `needs_grid` of its ripstop_program to 1")
+        };
         let grid = self.stage.grid.as_ref().ok_or_else(none)?;
         Ok(CGrid {
             nodes: grid.coords.len(),

@@ -152,11 +152,7 @@ pub extern "C" fn ripstop_get_grid(data: Option<&Data>, grid: Option<&mut CGrid>
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn ripstop_number(
-    data: Option<&Data>,
-    key: *const c_char,
-    number: Option<&mut f64>,
-) -> c_int {
+pub extern "C" fn ripstop_number(data: Option<&Data>, key: *const c_char, number: Option<&mut f64>) -> c_int {
     fill(number, "value", || some(data, "data")?.stage.number(text(key, "key")?))
 }
 
@@ -188,16 +184,15 @@ pub extern "C" fn ripstop_stage_number(
 }
 
 #[unsafe(no_mangle)]
-pub extern "C" fn ripstop_clock(
-    data: Option<&Data>,
-    name: *const c_char,
-    time: Option<&mut f64>,
-) -> c_int {
+pub extern "C" fn ripstop_clock(data: Option<&Data>, name: *const c_char, time: Option<&mut f64>) -> c_int {
     fill(time, "value", || {
         let (clocks, name) = (&some(data, "data")?.stage.clocks, text(name, "name")?);
         clocks.get(name).copied().ok_or_else(|| {
             let known: Vec<&str> = clocks.keys().map(String::as_str).collect();
-            Fault::new(format!("there is no clock `{name}`: the clocks of this stage are {}", known.join(", ")))
+            Fault::new(format!(
+                "there is no clock `{name}`: the clocks of this stage are {}",
+                known.join(", ")
+            ))
         })
     })
 }

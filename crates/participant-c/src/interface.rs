@@ -46,8 +46,7 @@ pub struct CGrid {
 
 pub type Start = extern "C-unwind" fn(*mut c_void, &Data) -> c_int;
 pub type Rows = extern "C-unwind" fn(*mut c_void, &mut usize) -> *const u64;
-pub type Advance =
-    extern "C-unwind" fn(*mut c_void, &Window, &CInput, *mut f64, usize, *mut f64) -> c_int;
+pub type Advance = extern "C-unwind" fn(*mut c_void, &Window, &CInput, *mut f64, usize, *mut f64) -> c_int;
 pub type Accept = extern "C-unwind" fn(*mut c_void, &Window) -> c_int;
 pub type WithPath = extern "C-unwind" fn(*mut c_void, *const c_char) -> c_int;
 pub type Snapshot = extern "C-unwind" fn(*mut c_void, f64, *const c_char) -> c_int;

@@ -14,3 +14,5 @@ mod message;
 mod pointers;
 mod program;
 
+#[cfg(test)]
+mod tests;

@@ -37,7 +37,11 @@ pub fn of_program(name: &str, code: i32) -> Result<(), Fault> {
         return Ok(());
     }
     Err(last().take().map_or_else(
-        || Fault::new(format!("`{name}` of the program returned {code} without a message: return ripstop_fault(\"...\")")),
+        || {
+            Fault::new(format!(
+                "`{name}` of the program returned {code} without a message: return ripstop_fault(\"...\")"
+            ))
+        },
         Fault::new,
     ))
 }

@@ -4,7 +4,8 @@ use std::path::Path;
 use std::ptr;
 
 use ripstop_participant::{
-    Announcement, CANOPY_MOTION, Fault, Input, Participant, Role, Run, Stats, Window, role_code, save_state,
+    Announcement, CANOPY_MOTION, Fault, Input, Participant, Role, Run, StageData, Stats, Window, role_code,
+    save_state,
 };
 
 use crate::data::{Data, c_path};
@@ -56,17 +57,26 @@ fn check(c: &CProgram) -> Result<Advance, Fault> {
 }
 
 impl Program {
-    /// Starts the program: `start`, `restore`, rows.
+    /// Reads the stage and starts the program.
+    ///
+    /// # Errors
+    /// Those of [`Run::data`] and [`Program::start`].
+    pub fn new(run: &Run, c: CProgram) -> Result<Self, Fault> {
+        check(&c)?;
+        let with_grid = c.needs_grid != 0 || run.role == Role::Mesh || c.grid_rows.is_some();
+        Self::start(run, c, run.data(with_grid)?)
+    }
+
+    /// Calls `start` and `restore` of the program and reads its rows.
     ///
     /// # Errors
     /// A program that is not complete, the error of one of its functions, rows that do not exist.
-    pub fn new(run: &Run, c: CProgram) -> Result<Self, Fault> {
+    pub fn start(run: &Run, c: CProgram, stage: StageData) -> Result<Self, Fault> {
         let advance = check(&c)?;
         let name = text(c.name, "name")?;
         let effects = if c.effects.is_null() { "" } else { text(c.effects, "effects")? };
         let effects: Vec<&str> = effects.split_whitespace().collect();
-        let with_grid = c.needs_grid != 0 || run.role == Role::Mesh || c.grid_rows.is_some();
-        let data = Box::new(Data::new(run, run.data(with_grid)?)?);
+        let data = Box::new(Data::new(run, stage)?);
         clear();
         let start = c.start.map_or(0, |start| start(c.user, &data));
         of_program("start", start)?;

@@ -137,7 +137,9 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_named() {
-        for key in ["fabric.density_kg_m3", "fabric.wrinkling", "lines.area_m2", "stage.2.window_s", "stage.x"] {
+        for key in
+            ["fabric.density_kg_m3", "fabric.wrinkling", "lines.area_m2", "stage.2.window_s", "stage.x"]
+        {
             let message = data().number(key).expect_err(key).message;
             assert!(message.contains(key), "{message}");
         }

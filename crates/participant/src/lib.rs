@@ -24,7 +24,8 @@ mod state;
 pub use case::Role;
 pub use channel::{
     Announcement, CANOPY_MOTION, CONTRACT_VERSION, Fault, Grid, Input, LOAD_WIDTH, OWN_SURFACE, Participant,
-    ProgramArgs, STATS, Stats, Window, bdf2, flow_stats, mesh_stats, role_code, structure_stats, surface_hash,
+    ProgramArgs, STATS, Stats, Window, bdf2, flow_stats, mesh_stats, role_code, structure_stats,
+    surface_hash,
 };
 
 pub use data::{Cable, FlowGrid, StageData, StructureMesh};

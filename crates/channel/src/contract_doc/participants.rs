@@ -81,9 +81,11 @@ const AREA_VECTOR: &str = "The area vector of a face with the corners a, b, c, d
 
 /// The table of roles, in Markdown.
 fn roles_markdown() -> String {
-    let mut text = String::from("| role | input `canopy` | output | sign | when it is empty |\n|---|---|---|---|---|\n");
+    let mut text =
+        String::from("| role | input `canopy` | output | sign | when it is empty |\n|---|---|---|---|---|\n");
     for c in conventions() {
-        let _ = writeln!(text, "| {} | {} | {} | {} | {} |", c.role.name(), c.input, c.output, c.sign, c.empty);
+        let _ =
+            writeln!(text, "| {} | {} | {} | {} | {} |", c.role.name(), c.input, c.output, c.sign, c.empty);
     }
     text + "\n" + AREA_VECTOR + "\n"
 }
