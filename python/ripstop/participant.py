@@ -17,7 +17,7 @@ class Participant:
 
     A window is `advance`, once or more, always from the state of the last accepted
     window, then `accept`. Raise `Fault` (or anything else) to end the run: the
-    coupler prints its message.
+    coupler prints its message. docs/reference/participants.md: shapes, signs and statistics.
     """
 
     role = ""  # "structure", "flow" or "mesh"

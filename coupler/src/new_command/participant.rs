@@ -28,6 +28,9 @@ pub struct ParticipantArgs {
 enum Language {
     Rust,
     Python,
+    #[value(name = "c++")]
+    Cpp,
+    Fortran,
 }
 
 /// The model that the package starts with, by role.
@@ -49,8 +52,19 @@ const PYTHON: [(Role, &str); 3] = [
     (Role::Mesh, include_str!("../../../python/examples/inverse_distance.py")),
 ];
 
+const CPP: &[(Role, &str)] = &[
+    (Role::Structure, include_str!("../../../crates/participant-c/examples/structure.cpp")),
+    (Role::Mesh, include_str!("../../../crates/participant-c/examples/mesh.cpp")),
+    (Role::Flow, include_str!("../../../crates/participant-c/examples/flow.cpp")),
+];
+
+const FORTRAN: &[(Role, &str)] =
+    &[(Role::Mesh, include_str!("../../../crates/participant-c/examples/mesh.f90"))];
+
 /// Rust sources that a package needs, relative to the sources of Ripstop.
 const CRATE: &str = "crates/participant";
+/// The C interface, which packages in C++ and Fortran need.
+const C_CRATE: &str = "crates/participant-c";
 
 /// Writes the package; returns what to print.
 ///
@@ -64,6 +78,8 @@ pub(super) fn new_participant(args: &ParticipantArgs) -> Result<String, RunError
     let files = match args.lang {
         Language::Rust => package.rust()?,
         Language::Python => package.python(),
+        Language::Cpp => package.compiled(&CXX)?,
+        Language::Fortran => package.compiled(&GFORTRAN)?,
     };
     if folder.exists() {
         return Err(RunError::Input(format!("{} exists: name another folder with --out", folder.display())));
@@ -81,6 +97,34 @@ pub(super) fn new_participant(args: &ParticipantArgs) -> Result<String, RunError
         args.role.program()
     ))
 }
+
+/// A language whose programs link the C interface.
+struct Compiled {
+    name: &'static str,
+    models: &'static [(Role, &'static str)],
+    file: &'static str,
+    /// Lines of the Makefile that choose the compiler.
+    compiler: &'static str,
+    /// How the Makefile compiles: the files before `-o`.
+    compile: &'static str,
+}
+
+const CXX: Compiled = Compiled {
+    name: "C++",
+    models: CPP,
+    file: "main.cpp",
+    compiler: "CXXFLAGS = -std=c++11 -O2 -Wall -Wextra",
+    compile: "$(CXX) $(CXXFLAGS) -I$(INTERFACE)/include main.cpp",
+};
+
+// `FC` of make is f77, which few machines have.
+const GFORTRAN: Compiled = Compiled {
+    name: "Fortran",
+    models: FORTRAN,
+    file: "main.f90",
+    compiler: "FC = gfortran\nFFLAGS = -std=f2003 -O2 -Wall -Wno-unused-dummy-argument",
+    compile: "$(FC) $(FFLAGS) $(INTERFACE)/fortran/ripstop.f90 main.f90",
+};
 
 fn of<T: Copy>(table: &[(Role, T); 3], role: Role) -> T {
     table[role as usize].1
@@ -154,6 +198,58 @@ impl Package<'_> {
             (file.clone(), python_program(self.role)),
             ("README.md".into(), self.readme(&file, &install, &command)),
         ]
+    }
+
+    /// A package with a Makefile.
+    ///
+    /// # Errors
+    /// The language has no model of this role; the sources lack the C interface.
+    fn compiled(&self, language: &Compiled) -> Result<Vec<(String, String)>, RunError> {
+        let found = language.models.iter().find(|(role, _)| *role == self.role);
+        let Some((_, text)) = found else {
+            let have: Vec<&str> = language.models.iter().map(|(role, _)| role.name()).collect();
+            return Err(RunError::Input(format!(
+                "there is no model of the role {} in {}: use --role {}, or --lang rust or python, and see \
+                 docs/reference/participants.md for the calls of every role",
+                self.role.name(),
+                language.name,
+                have.join(" or --role ")
+            )));
+        };
+        if !self.sources.join(C_CRATE).is_dir() {
+            return Err(RunError::Input(format!(
+                "the sources of Ripstop at {} have no folder {C_CRATE}: name newer ones with --sources",
+                self.sources.display()
+            )));
+        }
+        let folder = self.folder.display();
+        let build = format!("make -C {folder}\n");
+        let readme = self.readme(language.file, &build, &format!("{folder}/{}", self.name));
+        Ok(vec![
+            (language.file.into(), (*text).into()),
+            ("Makefile".into(), self.makefile(language)),
+            (".gitignore".into(), format!("/{}\n*.mod\n", self.name)),
+            ("README.md".into(), readme),
+        ])
+    }
+
+    fn makefile(&self, language: &Compiled) -> String {
+        format!(
+            "# Sources of Ripstop, with the interface and its library. After a change of them: make -B\n\
+             SOURCES = {}\n\
+             INTERFACE = $(SOURCES)/{C_CRATE}\n\
+             LIBRARY = $(or $(CARGO_TARGET_DIR),$(SOURCES)/target)/release/libripstop_participant_c.a\n\
+             {}\n\n\
+             {}: {} $(LIBRARY)\n\
+             \t{} -o $@ -Wl,--gc-sections $(LIBRARY) -lpthread -ldl -lm\n\n\
+             $(LIBRARY):\n\
+             \tcargo build --release --locked --manifest-path $(SOURCES)/Cargo.toml -p ripstop-participant-c\n",
+            self.sources.display(),
+            language.compiler,
+            self.name,
+            language.file,
+            language.compile
+        )
     }
 
     fn readme(&self, file: &str, prepare: &str, command: &str) -> String {
@@ -238,6 +334,30 @@ mod tests {
         let tutorial = include_str!("../../../docs/tutorials/flow-solver-in-python.md");
         let program = python_program(Role::Flow);
         assert!(tutorial.contains(&program[program.find("import numpy").unwrap()..]));
+    }
+
+    #[test]
+    fn compiled_packages_name_the_interface() {
+        let folder = tempfile::tempdir().unwrap();
+        for (lang, language) in [(Language::Cpp, &CXX), (Language::Fortran, &GFORTRAN)] {
+            for role in Role::ALL {
+                let out =
+                    folder.path().join(format!("{}-{}", role.name(), language.file.replace("main.", "")));
+                let made = new_participant(&args(&out, role, lang));
+                if !language.models.iter().any(|(of, _)| *of == role) {
+                    let error = made.unwrap_err().to_string();
+                    assert!(error.contains(language.name) && error.contains("--role"), "{error}");
+                    assert!(!out.exists());
+                    continue;
+                }
+                made.unwrap();
+                let makefile = std::fs::read_to_string(out.join("Makefile")).unwrap();
+                assert!(makefile.contains("-p ripstop-participant-c\n"), "{makefile}");
+                assert!(out.join(language.file).is_file());
+                let readme = std::fs::read_to_string(out.join("README.md")).unwrap();
+                assert!(readme.contains("\nmake -C "), "{readme}");
+            }
+        }
     }
 
     #[test]

@@ -18,7 +18,11 @@ const USERS: &[(&str, &str, &str)] = &[
         "File to which the first rank writes the times of the named parts of its work, JSON. `ripstop` sets it and \
          collects the file in `summary.json`.",
     ),
-    ("RIPSTOP", "programs in Python", "Path of the program `ripstop`, instead of the one on `PATH`."),
+    (
+        "RIPSTOP",
+        "programs that replace a solver",
+        "Path of the program `ripstop`, instead of the one on `PATH`.",
+    ),
     ("NO_COLOR", "ripstop", "If set, output on the terminal has no colours."),
 ];
 
@@ -79,7 +83,8 @@ fn collect(folder: &Path, found: &mut BTreeSet<String>) {
         if path.is_dir() {
             if !name.starts_with('.')
                 && !name.starts_with("target")
-                && !["docs", "runs", "reference"].contains(&name.as_str())
+                // The constants of `ripstop.h` have the same prefix.
+                && !["docs", "runs", "reference", "participant-c"].contains(&name.as_str())
             {
                 collect(&path, found);
             }

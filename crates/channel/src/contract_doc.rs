@@ -2,6 +2,8 @@
 //!
 //! After a change: `RIPSTOP_WRITE_DOCS=1 cargo test -p channel contract_doc`.
 
+mod participants;
+
 use std::fmt::Write as _;
 use std::mem::{offset_of, size_of};
 

@@ -67,13 +67,21 @@ pub struct FlowGrid {
 }
 
 impl StageData {
-    /// The number at a dotted key of the scene, such as `fabric.thickness_m`.
+    /// The value at a dotted key of the scene, such as `fabric.thickness_m`; entries of lists by their number, from 0, as
+    /// `flow.wind_m_s.2`.
+    pub fn value(&self, key: &str) -> Option<&Value> {
+        key.split('.').try_fold(&self.scene, |value, part| match value {
+            Value::Array(list) => list.get(part.parse::<usize>().ok()?),
+            table => table.get(part),
+        })
+    }
+
+    /// The number at a dotted key of the scene ([`StageData::value`]).
     ///
     /// # Errors
     /// The scene has no number there.
     pub fn number(&self, key: &str) -> Result<f64, Fault> {
-        let value = key.split('.').try_fold(&self.scene, |table, part| table.get(part));
-        value.and_then(Value::as_f64).ok_or_else(|| {
+        self.value(key).and_then(Value::as_f64).ok_or_else(|| {
             Fault::new(format!(
                 "the scene has no number `{key}`, which this program needs: set it in the scene"
             ))
@@ -122,13 +130,16 @@ mod tests {
         let data = data();
         assert_eq!(data.number("fabric.thickness_m"), Ok(4e-5));
         assert_eq!(data.stage_number("window_s"), Ok(5e-3));
+        assert_eq!(data.number("stage.1.window_s"), Ok(5e-3));
         assert!(data.is_coupled() && data.structure.fixed[0].1 == [true, false, true]);
         assert_eq!(data.structure.cables[0].rest_length, 2.4);
     }
 
     #[test]
     fn what_is_missing_is_named() {
-        for key in ["fabric.density_kg_m3", "fabric.wrinkling", "lines.area_m2"] {
+        for key in
+            ["fabric.density_kg_m3", "fabric.wrinkling", "lines.area_m2", "stage.2.window_s", "stage.x"]
+        {
             let message = data().number(key).expect_err(key).message;
             assert!(message.contains(key), "{message}");
         }

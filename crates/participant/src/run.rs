@@ -26,22 +26,32 @@ pub struct Run {
 ///
 /// An error of `new` becomes the message with which the run ends.
 pub fn main<P: Participant>(role: Role, new: impl FnOnce(&Run) -> Result<P, Fault>) -> ExitCode {
-    let args = ProgramArgs::parse_or_exit();
-    let rank = RANK.iter().find_map(|name| std::env::var(name).ok()?.parse().ok()).unwrap_or(0);
-    let run = Run { role, args, rank };
-    let at = run.args.serve_options(role, rank);
-    let ended = match new(&run) {
-        Ok(mut participant) => channel::serve(&mut participant, &at).map(drop).map_err(|e| e.to_string()),
-        Err(fault) => {
-            channel::report(&at, &fault);
-            Err(fault.message)
-        }
-    };
-    match ended {
+    match serve(role, ProgramArgs::parse_or_exit(), new) {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             eprintln!("{message}");
             ExitCode::FAILURE
+        }
+    }
+}
+
+/// As [`main`], with the arguments of the coupler, for programs whose own `main` function is in another language.
+///
+/// # Errors
+/// The message with which the run ended.
+pub fn serve<P: Participant>(
+    role: Role,
+    args: ProgramArgs,
+    new: impl FnOnce(&Run) -> Result<P, Fault>,
+) -> Result<(), String> {
+    let rank = RANK.iter().find_map(|name| std::env::var(name).ok()?.parse().ok()).unwrap_or(0);
+    let run = Run { role, args, rank };
+    let at = run.args.serve_options(role, rank);
+    match new(&run) {
+        Ok(mut participant) => channel::serve(&mut participant, &at).map(drop).map_err(|e| e.to_string()),
+        Err(fault) => {
+            channel::report(&at, &fault);
+            Err(fault.message)
         }
     }
 }
