@@ -199,8 +199,9 @@ const FOREIGN: [&str; 1] = ["state_base_verbose"];
 fn names_and_paths_in_code_spans_exist() {
     let files = files();
     let is_source = |p: &&PathBuf| {
-        p.extension().is_some_and(|e| ["rs", "toml", "py", "txt", "json", "sh"].iter().any(|x| e == *x))
-            || p.starts_with("scripts")
+        p.extension().is_some_and(|e| {
+            ["rs", "toml", "py", "txt", "json", "sh", "h", "hpp", "f90"].iter().any(|x| e == *x)
+        }) || p.starts_with("scripts")
     };
     let sources: Vec<_> = files.iter().filter(is_source).collect();
     let words: BTreeSet<String> = sources

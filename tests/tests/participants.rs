@@ -132,7 +132,9 @@ fn packages_build_conform_and_run_together() {
     // additions changes a digit; Fortran adds in another one.
     let cpp = ROLES.map(|role| text(compiled(at, role, "c++")));
     compare(&together(&at.join("cpp"), &cpp, &["--ranks", "flow=2,mesh=2"]), &one, 1e-8);
-    conform_all(&at.join("cpp.recording"), &cpp);
+    for role in [0, 1] {
+        assert_eq!(conform(ROLES[role], &at.join("cpp.recording"), &cpp[role]), 0.0, "{}", cpp[role]);
+    }
     if exists("gfortran") {
         let mesh = text(compiled(at, "mesh", "fortran"));
         let difference = conform("mesh", &at.join("cpp.recording"), &mesh);
@@ -140,6 +142,13 @@ fn packages_build_conform_and_run_together() {
     } else {
         skipped("there is no gfortran: the package in Fortran was not built");
     }
+}
+
+#[test]
+#[ignore = "nightly: 1 minute"]
+fn packages_in_python_conform() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = folder.path();
     let Some(python) = python() else {
         return skipped("no Python can import iceoryx2 and numpy: the packages in Python were not tried");
     };
@@ -148,7 +157,7 @@ fn packages_build_conform_and_run_together() {
         let file = package.join(format!("{}.py", name(&package).replace('-', "_")));
         format!("'{}' '{}'", python.display(), file.display())
     });
-    // Their time differences are of first order where windows change their length, so that no digits are compared.
+    // No digits are compared: the descent speed of these models deviates by 0.2 % from that of those in Rust.
     together(&at.join("py"), &py, &[]);
     conform_all(&at.join("py.recording"), &py);
 }

@@ -241,7 +241,7 @@ pub extern "C" fn ripstop_load_numbers(file: *const c_char, values: *mut f64, co
 #[unsafe(no_mangle)]
 pub extern "C" fn ripstop_write_shape(folder: *const c_char, positions: *const f64, nodes: usize) -> c_int {
     guard(|| {
-        let count = nodes.checked_mul(3).unwrap_or(usize::MAX);
+        let count = nodes.saturating_mul(3);
         let positions = slice(positions, count, "positions")?;
         write_shape(path(folder, "folder")?, positions.as_chunks::<3>().0)
     })

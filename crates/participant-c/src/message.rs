@@ -46,7 +46,7 @@ pub fn of_program(name: &str, code: i32) -> Result<(), Fault> {
     ))
 }
 
-/// Runs a call of the program; an error or panic becomes [`FAULT`] and a message.
+/// Runs a function; an error or panic becomes [`FAULT`] and a message.
 pub fn guard(call: impl FnOnce() -> Result<(), Fault>) -> i32 {
     match catch_unwind(AssertUnwindSafe(call)) {
         Ok(Ok(())) => 0,
