@@ -1,5 +1,6 @@
 //! `ripstop export vtkhdf`: the snapshots of a stage as one compressed file with all times.
 
+mod derived;
 mod growing;
 mod part;
 #[cfg(test)]
@@ -22,12 +23,12 @@ use self::writer::{WriteError, Writer};
 /// Bytes at the start of an HDF5 file.
 const SIGNATURE: [u8; 8] = *b"\x89HDF\r\n\x1a\n";
 /// Time between lines of progress.
-const PROGRESS: Duration = Duration::from_secs(2);
+const PROGRESS: Duration = Duration::from_secs(5);
 
 /// What is exported.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum What {
-    /// Fabric: shape, stresses, loads
+    /// Fabric: shape, stresses, loads, and the normals and areas of its faces
     Canopy,
     /// Lines, risers and tapes
     Lines,
@@ -190,7 +191,13 @@ fn parts(
     snapshot: &Snapshot,
     first: bool,
 ) -> Result<Vec<Part>, RunError> {
-    let pieces = snapshot.files.iter().map(|f| run.piece(f)).collect::<Result<Vec<_>, _>>()?;
+    let mut pieces = snapshot.files.iter().map(|f| run.piece(f)).collect::<Result<Vec<_>, _>>()?;
+    if args.what == What::Canopy {
+        for piece in &mut pieces {
+            let derived = derived::normals_and_areas(piece);
+            piece.cell_fields.extend(derived);
+        }
+    }
     if first {
         known(args, &pieces)?;
     }

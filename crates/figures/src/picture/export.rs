@@ -22,7 +22,7 @@ use crate::sheet::{Anchor, Sheet};
 use crate::snapshots::{Interval, Kind, RunSnapshots, Structure};
 
 /// Time between lines of progress.
-const PROGRESS: Duration = Duration::from_secs(2);
+const PROGRESS: Duration = Duration::from_secs(5);
 /// Frames whose colours make the palette of a GIF, at most.
 const PALETTE_FRAMES: usize = 12;
 /// Values of a snapshot that decide on the range of the colours, at most.
