@@ -11,13 +11,14 @@ use super::finding::Severity::{Error, Note, Warning};
 use super::resources::{gigabytes, immersed, windows};
 use super::table::{Check, When};
 
-/// Bytes of a flow snapshot for each cell; further ones with an eddy viscosity and with `[flow.statistics]`.
+/// Bytes of a flow snapshot for each cell, on a fitted and on a Cartesian grid; further ones with an eddy viscosity and with `[flow.statistics]`.
 const VOLUME: f64 = 138.0;
+const IMMERSED_VOLUME: f64 = 114.0;
 const EDDY: f64 = 5.3;
 const STATISTICS: f64 = 43.0;
 /// Bytes of a canopy snapshot for each element; further ones for the shear of a viscous flow.
 const ELEMENT: f64 = 137.0;
-const SHEAR: f64 = 16.0;
+const SHEAR: f64 = 12.0;
 /// Bytes of a snapshot of the lines for each node and each cable element.
 const LINE_NODE: f64 = 32.0;
 const LINE: f64 = 33.0;
@@ -38,7 +39,7 @@ const MUCH: f64 = 5e10;
 pub const CHECKS: &[Check] = &[Check {
     id: "machine.disk",
     what: "the results fit onto the disk",
-    estimate: "flow snapshots of 138 bytes a cell, canopy snapshots of 137 an element, line snapshots of 32 a node; a saved state \
+    estimate: "flow snapshots of 138 bytes a cell (114 around an immersed canopy), canopy snapshots of 137 an element, line snapshots of 32 a node; a saved state \
                for each stage of 220 a cell (60 around an immersed canopy), 170 a node of a moving grid, 250 a node of the \
                structure and 2.4 kB a node of the canopy; two more of the largest state while a checkpoint is written",
     range: "warning where the estimate exceeds 80 % of the free space, or 50 GB; error where half of it exceeds all",
@@ -72,7 +73,8 @@ fn of_snapshots(f: &Facts<'_>, s: &Stage) -> f64 {
         let turbulent = flow.viscosity.as_ref().is_some_and(|v| v.turbulence.is_some());
         let eddy = if turbulent { EDDY } else { 0.0 };
         let statistics = if flow.statistics.is_some() { STATISTICS } else { 0.0 };
-        let cell = VOLUME + eddy + statistics;
+        let plain = if immersed(f) { IMMERSED_VOLUME } else { VOLUME };
+        let cell = plain + eddy + statistics;
         bytes += snapshots(output.volume_every_windows, s) * (cell * f.cells() + FILE);
     }
     bytes
