@@ -98,6 +98,9 @@ enum Command {
     Schema,
     /// Draw the canopy and the flow around it from the results of a run (PNG)
     Picture(figures::picture::PictureArgs),
+    /// Export results of a run to files for other programs: VTKHDF with all times, animations
+    #[command(after_help = CODES)]
+    Export(export::ExportArgs),
     /// Write an HTML report of a run: results, the canopy in three dimensions, wall times
     Report(report::ReportArgs),
     /// Print settled means with 95 % intervals, swing, and wake of a complete, running or interrupted run
@@ -329,6 +332,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
             print(&text);
             failed.map_or(Ok(()), Err)
         }
+        Command::Export(args) => export::export(&args, console),
         Command::Regression(args) => regression(&args, console),
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
         Command::StandIn { recording, program } => stand_in(&recording, &program),

@@ -225,6 +225,12 @@ pub trait ElementLoop {
         Vec::new()
     }
 
+    /// Unit vectors along the larger principal stresses of membrane elements, in the shape at `x`; zero where there is no
+    /// stress; as [`ElementLoop::stresses`].
+    fn stress_directions(&self, _x: &[f64]) -> Vec<Vec3> {
+        Vec::new()
+    }
+
     /// Places of the elements with a tension among [`crate::model::Model::cables`].
     fn cables(&self) -> &[u32] {
         &[]
@@ -240,6 +246,17 @@ pub trait ElementLoop {
 fn principal_stresses(s: &Stress) -> [f64; 2] {
     let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
     [mean + radius, mean - radius]
+}
+
+/// Unit vector along the larger principal value of the second Piola-Kirchhoff stress `s`, carried into the present shape by
+/// `f`, the columns of the deformation gradient: $`F N_1 / |F N_1|`$. Zero without stress.
+fn stress_direction(s: &Stress, f: [Vec3; 2]) -> Vec3 {
+    if *s == [0.0; 3] {
+        return Vec3::zeros();
+    }
+    let (sin, cos) = (0.5 * (2.0 * s[2]).atan2(s[0] - s[1])).sin_cos();
+    let along = f[0] * cos + f[1] * sin;
+    along.try_normalize(0.0).unwrap_or_else(Vec3::zeros)
 }
 
 /// Larger principal value of the nominal stress, Pa: the largest singular value of the first Piola-Kirchhoff stress
@@ -280,5 +297,27 @@ mod tests {
         strain[2] *= 2.0;
         assert!((nominal_stress(&sheet(strain, stress)) - both).abs() < 1e-12);
         assert_eq!(nominal_stress(&sheet([0.1, 0.2, 0.3], [0.0; 3])), 0.0);
+    }
+
+    /// A tension along an axis of the material turns and shears with it.
+    #[test]
+    fn stress_direction_moves_with_the_fabric() {
+        let angle = 0.4f64;
+        let (sin, cos) = angle.sin_cos();
+        let tension = |along: f64, across: f64| {
+            let (a, b) = (along, across);
+            [a * cos * cos + b * sin * sin, a * sin * sin + b * cos * cos, (a - b) * sin * cos]
+        };
+        let flat = [Vec3::x(), Vec3::y()];
+        let close = |found: Vec3, expected: Vec3| {
+            found.cross(&expected).norm() < 1e-12 && (found.norm() - 1.0).abs() < 1e-12
+        };
+        let fibre = Vec3::new(cos, sin, 0.0);
+        assert!(close(stress_direction(&tension(50.0, -3.0), flat), fibre));
+        // The larger one, not the one of the larger magnitude.
+        assert!(close(stress_direction(&tension(5.0, -80.0), flat), fibre));
+        let f = [Vec3::new(0.0, 1.2, 0.3), Vec3::new(0.4, 0.0, 0.9)];
+        assert!(close(stress_direction(&tension(50.0, 20.0), f), (f[0] * cos + f[1] * sin).normalize()));
+        assert_eq!(stress_direction(&[0.0; 3], f), Vec3::zeros());
     }
 }

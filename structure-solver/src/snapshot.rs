@@ -29,8 +29,8 @@ impl Pictures {
     /// `folder`. Collective; rank 0 writes.
     ///
     /// Canopy: displacement and velocity of nodes; of triangles the principal
-    /// second Piola-Kirchhoff stresses and Green strains, the state (0 slack, 1 wrinkled,
-    /// 2 taut) and the pressure jump. Lines: the tension of each cable, the line that it
+    /// second Piola-Kirchhoff stresses, the direction of the larger one in the present shape, Green strains, the state (0
+    /// slack, 1 wrinkled, 2 taut), and the pressure jump and the shear of the air; directions and shear in single precision. Lines: the tension of each cable, the line that it
     /// is a part of and what it models ([`mesh::CableKind::number`]).
     pub fn add(
         &mut self,
@@ -67,6 +67,8 @@ struct Fields {
     fabric: Vec<f64>,
     /// Principal strains, `[triangles][2]`.
     strain: Vec<f64>,
+    /// Directions of the larger principal stress, `[triangles][3]`.
+    direction: Vec<f64>,
     /// Tensions of cables, N.
     tension: Vec<f64>,
 }
@@ -93,11 +95,19 @@ impl Fields {
         let rows: Vec<f64> =
             system.loops().iter().flat_map(|l| l.strains(&x)).take(own.len()).flatten().collect();
         let strain = gather(comm, &global, &rows, 2, mesh.triangles.len());
+        let rows: Vec<f64> = system
+            .loops()
+            .iter()
+            .flat_map(|l| l.stress_directions(&x))
+            .take(own.len())
+            .flat_map(<[f64; 3]>::from)
+            .collect();
+        let direction = gather(comm, &global, &rows, 3, mesh.triangles.len());
         let own = &model.cables[..model.n_own_cables];
         let global: Vec<u64> = own.iter().map(|c| u64::from(c.global)).collect();
         let rows = &system.tensions(&x)[..own.len()];
         let tension = gather(comm, &global, rows, 1, mesh.cables.len());
-        comm.is_root().then_some(Self { u, v, fabric, strain, tension })
+        comm.is_root().then_some(Self { u, v, fabric, strain, direction, tension })
     }
 
     /// Positions of all nodes, m.
@@ -113,6 +123,11 @@ impl Fields {
         let strains = [0, 1].map(|c| column(&self.strain, 2, c));
         let regime: Vec<u32> = regime.iter().map(|r| *r as u32).collect();
         let pressure: Vec<f64> = mesh.triangle_face.iter().map(|&f| load.pressure[f as usize]).collect();
+        let direction: Vec<[f32; 3]> = self.direction.as_chunks::<3>().0.iter().map(single).collect();
+        // No traction is that of an inviscid flow, or of a stage without one.
+        let traction = load.traction.as_chunks::<3>().0;
+        let shear = |&face: &u32| traction.get(face as usize).map_or([0.0; 3], single);
+        let shear: Vec<[f32; 3]> = mesh.triangle_face.iter().map(shear).collect();
         write_surface(
             path,
             &self.points(mesh)[..m],
@@ -121,10 +136,12 @@ impl Fields {
             &[
                 ("stress_1_pa", Values::F64(&first)),
                 ("stress_2_pa", Values::F64(&second)),
+                ("stress_direction", Values::Vector32(&direction)),
                 ("strain_1", Values::F64(&strains[0])),
                 ("strain_2", Values::F64(&strains[1])),
                 ("wrinkling_state", Values::U32(&regime)),
                 ("pressure_jump_pa", Values::F64(&pressure)),
+                ("shear_pa", Values::Vector32(&shear)),
             ],
         )
     }
@@ -140,6 +157,10 @@ impl Fields {
         ];
         write_surface(path, &self.points(mesh), &ends, &[], &fields)
     }
+}
+
+fn single(v: &[f64; 3]) -> [f32; 3] {
+    v.map(|x| x as f32)
 }
 
 /// Column `c` of rows of `width` numbers.

@@ -1,4 +1,4 @@
-//! Dependencies between crates are layered, and three libraries are each used in one crate.
+//! Dependencies between crates are layered, and four libraries are each used in one crate.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -39,6 +39,7 @@ const SHARED: [&str; 19] = [
     "coupling",
     "terminal",
     "results",
+    "export",
     "figures",
     "effects",
     "report",
@@ -76,6 +77,7 @@ const LAYERS: [(&str, &[&str]); 15] = [
     ("results", &["archive", "case", "channel", "coupling", "terminal", "timing"]),
     ("effects", &["case", "coupling", "mesh"]),
     ("figures", &["case", "coupling", "mesh", "results", "terminal"]),
+    ("export", &["coupling", "figures", "mesh", "terminal"]),
     ("report", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
     ("studies", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
 ];
@@ -112,12 +114,13 @@ fn coupling_crate_uses_no_process_and_no_file() {
 }
 
 #[test]
-fn mpi_iceoryx2_and_bincode_are_used_in_one_crate_each() {
+fn mpi_iceoryx2_bincode_and_hdf5_are_used_in_one_crate_each() {
     for (package, dependencies) in dependencies() {
         let names = |what: &str| dependencies.iter().any(|d| d.starts_with(what));
         assert!(!names("mpi") || package == "comm", "{package} depends on mpi");
         assert!(!names("iceoryx2") || package == "channel", "{package} depends on iceoryx2");
         assert!(!names("bincode") || package == "archive", "{package} depends on bincode");
+        assert!(!names("rust-hdf5") || package == "export", "{package} depends on rust-hdf5");
     }
 }
 

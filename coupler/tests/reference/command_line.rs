@@ -117,6 +117,10 @@ fn page() -> String {
     text += &table(&["command", "what it does"], &overview.collect::<Vec<_>>());
     for c in visible(&command) {
         text += &format!("\n### `ripstop {}`\n\n{}", c.get_name(), command_text(c));
+        for inner in visible(c) {
+            text +=
+                &format!("\n#### `ripstop {} {}`\n\n{}", c.get_name(), inner.get_name(), command_text(inner));
+        }
     }
     let mut program = channel::ProgramArgs::command();
     program.build();
@@ -144,7 +148,8 @@ fn page_of_the_command_line_is_generated_from_the_code() {
 
 #[test]
 fn every_visible_argument_has_a_text() {
-    for c in visible(&ripstop()) {
+    let command = ripstop();
+    for c in visible(&command).flat_map(|c| std::iter::once(c).chain(visible(c))) {
         assert!(c.get_about().is_some(), "{}", c.get_name());
         for arg in c.get_arguments().filter(|a| !a.is_hide_set()) {
             assert!(!text_of(arg.get_help()).is_empty(), "{} {}", c.get_name(), arg.get_id());

@@ -163,6 +163,11 @@ impl<'a> Facts<'a> {
         if self.scene.opens_gathered() { Severity::Note } else { Severity::Warning }
     }
 
+    /// Nodes of the flow grid, 0 if there is none.
+    pub fn grid_nodes(&self) -> f64 {
+        self.grid.as_ref().and_then(|g| g.as_ref().ok()).map_or(0.0, |g| g.nodes as f64)
+    }
+
     /// Cells of the flow grid, 0 if there is none.
     pub fn cells(&self) -> f64 {
         self.grid.as_ref().and_then(|g| g.as_ref().ok()).map_or(0.0, |g| g.cells as f64)

@@ -21,6 +21,7 @@ pub mod table;
 mod bodies;
 mod boundaries;
 mod descent;
+mod disk;
 mod fabric;
 mod flow;
 mod lines;

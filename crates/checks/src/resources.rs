@@ -1,4 +1,4 @@
-//! Checks of what a run needs of its machine: ranks, memory, disk, wall time.
+//! Checks of what a run needs of its machine: ranks, memory, wall time.
 //!
 //! Costs per cell and element are those of docs/records/benchmarks.md on one core of the machines it names; they
 //! hold to a factor of three.
@@ -23,11 +23,6 @@ const STRUCTURE_BYTES: f64 = 1600.0;
 const RANK_BYTES: f64 = 6e7;
 /// Dense matrices of the coupler's added-mass model.
 const DENSE: f64 = 4.0;
-/// Bytes of a flow snapshot for each cell, of a saved state of flow and mesh for each cell, of a canopy
-/// snapshot for each node.
-const VOLUME_BYTES: f64 = 190.0;
-const STATE_BYTES: f64 = 490.0;
-const SURFACE_BYTES: f64 = 150.0;
 /// Seconds of a flow solve and of a grid motion for each cell.
 const FLOW_S: f64 = 2e-6;
 /// Seconds of a step around an immersed canopy for each cell.
@@ -79,17 +74,6 @@ pub const CHECKS: &[Check] = &[
         severity: Error,
         remedy: "use fewer cells or layers, or ranks on several hosts (docs/how-to/run-on-a-cluster.md)",
         when: When::Before(memory),
-    },
-    Check {
-        id: "machine.disk",
-        what: "the results fit onto the disk",
-        estimate: "190 bytes a cell for each flow snapshot, 150 a node for each canopy snapshot, 2 x 490 a cell for the \
-                   saved states of each stage",
-        range: "warning where the estimate exceeds 80 % of the free space; error where half of it exceeds all",
-        source: "measured in docs/records/benchmarks.md; right to a factor of two",
-        severity: Error,
-        remedy: "raise output.volume_every_windows (0: no flow snapshots), or name another folder with --out",
-        when: When::Before(disk),
     },
     Check {
         id: "machine.wall-time",
@@ -161,7 +145,7 @@ fn model_faces(f: &Facts<'_>) -> f64 {
 }
 
 /// Whether the canopy moves through a Cartesian grid.
-fn immersed(f: &Facts<'_>) -> bool {
+pub(super) fn immersed(f: &Facts<'_>) -> bool {
     f.scene.flow.as_ref().is_some_and(case::Flow::is_immersed)
 }
 
@@ -181,7 +165,7 @@ fn bytes(f: &Facts<'_>) -> f64 {
     most + RANK_BYTES + DENSE * 8.0 * model_faces(f).powi(2)
 }
 
-fn gigabytes(bytes: f64) -> String {
+pub(super) fn gigabytes(bytes: f64) -> String {
     format!("{} GB", digits(bytes / 1e9))
 }
 
@@ -198,7 +182,7 @@ fn memory(f: &Facts<'_>) -> Vec<Judged> {
 }
 
 /// Windows of a stage.
-fn windows(s: &Stage) -> f64 {
+pub(super) fn windows(s: &Stage) -> f64 {
     if s.solve == Solve::Static {
         1.0
     } else if s.steady.is_some() {
@@ -206,27 +190,6 @@ fn windows(s: &Stage) -> f64 {
     } else {
         s.windows() as f64
     }
-}
-
-fn disk(f: &Facts<'_>) -> Vec<Judged> {
-    let every = |n: u32, s: &Stage| if n == 0 { 0.0 } else { windows(s) / f64::from(n) + 1.0 };
-    let output = &f.scene.output;
-    let mut needed = 0.0;
-    for (_, s) in f.stages() {
-        needed += SURFACE_BYTES * f.mesh.coords.len() as f64 * every(output.surface_every_windows, s);
-        if s.kind.roles().contains(&Role::Flow) {
-            needed += VOLUME_BYTES * f.cells() * every(output.volume_every_windows, s);
-            needed += 2.0 * STATE_BYTES * f.cells();
-        }
-    }
-    let severity = match f.machine.disk {
-        Some(free) if 0.5 * needed > free => Error,
-        Some(free) if needed > 0.8 * free => Warning,
-        _ => Note,
-    };
-    let free = f.machine.disk.map_or_else(|| "an unknown amount".into(), gigabytes);
-    let figure = format!("about {} of results, {free} are free", gigabytes(needed));
-    vec![Judged::new(severity, "output", figure)]
 }
 
 /// Seconds of one structural response to a window.

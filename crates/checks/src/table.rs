@@ -2,7 +2,9 @@
 
 use super::facts::Facts;
 use super::finding::{Judged, Severity};
-use super::{bodies, boundaries, descent, fabric, flow, lines, names, resources, run_time, tapes, time};
+use super::{
+    bodies, boundaries, descent, disk, fabric, flow, lines, names, resources, run_time, tapes, time,
+};
 
 /// A check: what Ripstop compares with what.
 pub struct Check {
@@ -45,6 +47,7 @@ pub fn all() -> impl Iterator<Item = &'static Check> {
         boundaries::CHECKS,
         bodies::CHECKS,
         resources::CHECKS,
+        disk::CHECKS,
         run_time::CHECKS,
     ]
     .into_iter()

@@ -11,6 +11,8 @@ pub mod chart;
 pub mod colour;
 mod colour_bar;
 mod font;
+mod gif_file;
+mod palette;
 pub mod picture;
 mod pixels;
 pub mod plot;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use case::Scene;
+use clap::Args;
 use coupling::error::RunError;
 use mesh::vtk::read::{Column, Piece, Snapshot, snapshots};
 
@@ -34,6 +35,66 @@ impl Kind {
             Kind::Lines => "lines.pvd",
             Kind::Flow => "flow.pvd",
         }
+    }
+
+    /// Key of the scene that writes them.
+    fn key(self) -> &'static str {
+        match self {
+            Kind::Canopy | Kind::Lines => "output.surface_every_windows",
+            Kind::Flow => "output.volume_every_windows",
+        }
+    }
+
+    /// Name in texts, such as `snapshots of the canopy`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Canopy => "the canopy",
+            Kind::Lines => "the lines",
+            Kind::Flow => "the flow",
+        }
+    }
+}
+
+/// Which of the snapshots of a stage are taken.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct Interval {
+    /// First time in the stage, in seconds [default: that of the first snapshot]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub from: Option<f64>,
+    /// Last time in the stage, in seconds [default: that of the last snapshot]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub to: Option<f64>,
+    /// Take every N-th snapshot of that interval, beginning with the first
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub every: u32,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|t| t.is_finite()).ok_or_else(|| "expected a time in seconds".into())
+}
+
+impl Interval {
+    /// The snapshots within the interval. Times are sums of steps: an end that a snapshot misses by its rounding
+    /// includes it.
+    ///
+    /// # Errors
+    /// No snapshot lies within the interval.
+    pub fn choose(&self, times: &Times) -> Result<Vec<Snapshot>, RunError> {
+        let near = |t: f64| 1e-9 * t.abs().max(1e-3);
+        let within = |t: f64| {
+            self.from.is_none_or(|from| t >= from - near(from)) && self.to.is_none_or(|to| t <= to + near(to))
+        };
+        let inside = times.0.iter().filter(|s| within(s.time));
+        let found: Vec<_> = inside.step_by(self.every as usize).cloned().collect();
+        if found.is_empty() {
+            let [first, last] = [times.0.first(), times.0.last()].map(|s| s.map_or(0.0, |s| s.time));
+            return Err(RunError::Input(format!(
+                "no snapshot lies between --from and --to: the {} snapshots of the stage are from {first} s to \
+                 {last} s",
+                times.0.len()
+            )));
+        }
+        Ok(found)
     }
 }
 
@@ -98,24 +159,58 @@ impl RunSnapshots {
         Ok((!list.is_empty()).then_some(Times(list)))
     }
 
+    /// Index of the stage `name`.
+    fn named(&self, name: &str) -> Result<usize, RunError> {
+        let stages = &self.scene.stages;
+        stages.iter().position(|s| s.name == name).ok_or_else(|| {
+            let names: Vec<_> = stages.iter().map(|s| format!("`{}`", s.name)).collect();
+            RunError::Input(format!(
+                "there is no stage `{name}`. The stages of the scene are {}",
+                names.join(", ")
+            ))
+        })
+    }
+
     /// Index of the stage `name`, else of the last stage with snapshots of the canopy.
     pub fn stage(&self, name: Option<&str>) -> Result<usize, RunError> {
-        let stages = &self.scene.stages;
         if let Some(name) = name {
-            return stages.iter().position(|s| s.name == name).ok_or_else(|| {
-                let names: Vec<_> = stages.iter().map(|s| format!("`{}`", s.name)).collect();
-                RunError::Input(format!(
-                    "there is no stage `{name}`. The stages of the scene are {}",
-                    names.join(", ")
-                ))
-            });
+            return self.named(name);
         }
-        for stage in (0..stages.len()).rev() {
+        for stage in (0..self.scene.stages.len()).rev() {
             if self.times(stage, Kind::Canopy)?.is_some() {
                 return Ok(stage);
             }
         }
         Err(self.none("canopy.pvd", "surface_every_windows"))
+    }
+
+    /// The snapshots of one kind in the stage `name`, else in the last stage that has some, and the index of the stage.
+    ///
+    /// # Errors
+    /// There are none, with the key of the scene that writes them.
+    pub fn series(&self, name: Option<&str>, kind: Kind) -> Result<(usize, Times), RunError> {
+        let stages = &self.scene.stages;
+        let chosen = name.map(|name| self.named(name)).transpose()?;
+        let mut others = Vec::new();
+        for stage in (0..stages.len()).rev() {
+            match self.times(stage, kind)? {
+                Some(times) if chosen.is_none_or(|chosen| chosen == stage) => return Ok((stage, times)),
+                Some(_) => others.insert(0, format!("`{}`", stages[stage].name)),
+                None => {}
+            }
+        }
+        let place = chosen.map_or_else(String::new, |stage| format!("stage `{}` of ", stages[stage].name));
+        let remedy = if others.is_empty() {
+            format!("Run the scene with {} above 0 (4 writes every fourth window)", kind.key())
+        } else {
+            format!("Stages that have some: {}", others.join(", "))
+        };
+        Err(RunError::Input(format!(
+            "{place}{} has no snapshots of {}: {} is missing or empty. {remedy}",
+            self.folder.display(),
+            kind.name(),
+            kind.series()
+        )))
     }
 
     /// The error of missing snapshots.

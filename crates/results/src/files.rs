@@ -77,8 +77,9 @@ pub const RUN: &[ResultFile] = &[
         "{stage}/canopy_{number}.vtu",
         STRUCTURE,
         "`output.surface_every_windows`",
-        "Canopy: displacement and velocity of nodes; principal second Piola-Kirchhoff stresses and Green strains, \
-         state (0 slack, 1 wrinkled, 2 taut) and pressure jump of elements. VTK XML.",
+        "Canopy: displacement and velocity of nodes; principal second Piola-Kirchhoff stresses, direction of the larger one \
+         in the present shape, principal Green strains, state (0 slack, 1 wrinkled, 2 taut), pressure jump and shear of the \
+         air of elements. VTK XML.",
     ),
     file(
         "{stage}/lines.pvd",
@@ -200,6 +201,24 @@ pub const OTHER: &[ResultFile] = &[
         "ripstop picture",
         "`ripstop picture RUN`",
         "Shapes of the pre-inflation, PNG.",
+    ),
+    file(
+        "export/{stage}-{what}.vtkhdf",
+        "ripstop export",
+        "`ripstop export vtkhdf RUN`",
+        "All snapshots of a stage in one file; `{what}` is `canopy`, `lines` or `flow`. VTKHDF 2.0.",
+    ),
+    file(
+        "export/{stage}-canopy.gif",
+        "ripstop export",
+        "`ripstop export animation RUN`",
+        "Canopy over time, animated GIF.",
+    ),
+    file(
+        "export/{stage}-canopy/frame_{number}.png",
+        "ripstop export",
+        "`ripstop export animation RUN --format png`",
+        "Canopy over time, a PNG file for each snapshot.",
     ),
     file(
         "{stage}-difference.csv",

@@ -304,6 +304,10 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         self.law.sheet(deformation(&e.gradient, x).strain)
     }
 
+    fn tangents(&self, e: &Self::Element, x: &[Vec3; 3]) -> Option<[Vec3; 2]> {
+        Some(deformation(&e.gradient, x).f)
+    }
+
     fn set_step(&mut self, dt: f64) {
         self.law.set_step(dt);
     }

@@ -152,6 +152,11 @@ pub trait Kernel<const N: usize>: 'static {
         None
     }
 
+    /// Columns of the deformation gradient of a membrane element: what its reference axes became.
+    fn tangents(&self, _e: &Self::Element, _x: &[Vec3; N]) -> Option<[Vec3; 2]> {
+        None
+    }
+
     /// Tension (N) of a cable element.
     fn tension(&self, _e: &Self::Element, _x: &[Vec3; N]) -> Option<f64> {
         None

@@ -368,6 +368,12 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
         self.law.sheet(std::array::from_fn(|i| 0.25 * strains.iter().map(|e| e[i]).sum::<f64>()))
     }
 
+    /// The mean of the points.
+    fn tangents(&self, e: &Self::Element, x: &[Vec3; 4]) -> Option<[Vec3; 2]> {
+        let all = e.reference.gradient.map(|h| deformation(&h, x).f);
+        Some(std::array::from_fn(|i| all.iter().map(|f| f[i]).sum::<Vec3>() * 0.25))
+    }
+
     fn set_step(&mut self, dt: f64) {
         self.law.set_step(dt);
     }

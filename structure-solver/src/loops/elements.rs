@@ -1,7 +1,7 @@
 //! Elements of one kernel on a rank: gathering, scattering and assembly, once for all kernels.
 
 use super::stencil::Stencil;
-use super::{Configuration, ElementLoop, FaceLoad, nominal_stress, principal_stresses};
+use super::{Configuration, ElementLoop, FaceLoad, nominal_stress, principal_stresses, stress_direction};
 use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
@@ -139,7 +139,11 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
 
     /// States of membrane elements, row by row.
     fn sheets<T>(&self, x: &[f64], of: impl Fn(Sheet) -> T) -> Vec<T> {
-        let one = |e: &Element<K::Element, N>| self.kernel.sheet(&e.data, &e.stencil.gather(x)).map(&of);
+        self.rows_of(|e| self.kernel.sheet(&e.data, &e.stencil.gather(x)).map(&of))
+    }
+
+    /// What `one` says of the elements whose states are reported, row by row.
+    fn rows_of<T>(&self, one: impl Fn(&Element<K::Element, N>) -> Option<T>) -> Vec<T> {
         match &self.rows {
             Some(rows) => rows.iter().filter_map(|&k| one(&self.elements[k as usize])).collect(),
             None => self.elements.iter().filter_map(one).collect(),
@@ -347,6 +351,14 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
 
     fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
         self.sheets(x, |s| principal(s.strain))
+    }
+
+    fn stress_directions(&self, x: &[f64]) -> Vec<Vec3> {
+        self.rows_of(|e| {
+            let x = e.stencil.gather(x);
+            let sheet = self.kernel.sheet(&e.data, &x)?;
+            Some(stress_direction(&sheet.stress, self.kernel.tangents(&e.data, &x)?))
+        })
     }
 
     fn cables(&self) -> &[u32] {

@@ -1,6 +1,7 @@
 //! `ripstop picture`: rendered pictures and animations of canopy and flow, as PNG.
 
 mod animation;
+mod export;
 mod flow;
 mod legend;
 mod raster;
@@ -19,6 +20,7 @@ use mesh::vtk::read::Piece;
 use terminal::Console;
 
 use self::animation::Choice;
+pub use self::export::{AnimationArgs, export_animation};
 use self::flow::Flow;
 use self::legend::{Legend, Range};
 use self::raster::Raster;

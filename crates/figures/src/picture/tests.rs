@@ -168,6 +168,76 @@ fn animation_shows_all_stages_or_one() {
     assert!(error.to_string().contains("surface_every_windows"), "{error}");
 }
 
+#[derive(Parser)]
+struct ExportLine {
+    #[command(flatten)]
+    args: AnimationArgs,
+}
+
+fn export(run: &Path, more: &[&str]) -> Result<(), RunError> {
+    let run = run.display().to_string();
+    let args = ExportLine::parse_from(["animation", &run, "--size", "200"].iter().chain(more)).args;
+    export_animation(&args, &Console::new(true))
+}
+
+#[test]
+fn exported_animation_is_a_gif_or_numbered_files() {
+    let run = run();
+    let run = run.path();
+    canopy(&run.join("descent"), &[0.1, 0.2, 0.3], 5.0);
+    export(run, &[]).unwrap();
+    let file = run.join("export/descent-canopy.gif");
+    let bytes = std::fs::read(&file).unwrap();
+    let mut decoder = gif::DecodeOptions::new().read_info(&bytes[..]).unwrap();
+    assert_eq!((decoder.width(), decoder.height()), (200, 190));
+    // The times differ, and nothing else.
+    let mut sizes = Vec::new();
+    while let Some(frame) = decoder.read_next_frame().unwrap() {
+        sizes.push((frame.width, frame.height));
+    }
+    assert_eq!((sizes.len(), sizes[0]), (3, (200, 190)));
+    assert!(sizes[1..].iter().all(|&(w, h)| w < 40 && h < 20), "{sizes:?}");
+    export(run, &[]).unwrap();
+    assert!(std::fs::read(&file).unwrap() == bytes, "the same snapshots, the same bytes");
+
+    let png = ["--format", "png", "--view", "top", "--field", "displacement_m"];
+    export(run, &png).unwrap();
+    let folder = run.join("export/descent-canopy");
+    let names = || std::fs::read_dir(&folder).unwrap().count();
+    assert_eq!(names(), 3);
+    let image = crate::pixels::decode(&std::fs::read(folder.join("frame_00002.png")).unwrap());
+    // From above, a square: as far from the middle along x as along y; its displacement grows along y, away from the middle.
+    assert!(colours(&image) > 20);
+    std::fs::write(folder.join("notes.txt"), "kept").unwrap();
+    export(run, &[&png[..], &["--every", "2"]].concat()).unwrap();
+    assert_eq!(names(), 3, "two frames and the notes");
+}
+
+#[test]
+fn what_cannot_be_animated_is_named() {
+    let run = run();
+    let run = run.path();
+    let says = |more: &[&str], words: &[&str]| {
+        let error = export(run, more).unwrap_err();
+        assert_eq!(error.exit_code(), 2, "{error}");
+        for word in words {
+            assert!(error.to_string().contains(word), "`{word}` is not in: {error}");
+        }
+    };
+    says(&[], &["canopy.pvd", "output.surface_every_windows"]);
+    canopy(&run.join("descent"), &[0.1, 0.2], 5.0);
+    says(&["--field", "mach"], &["`mach`", "displacement_m"]);
+    says(&["--to", "0.05"], &["from 0.1 s to 0.2 s"]);
+    let scene = run.join("scene.toml").display().to_string();
+    says(&["--out", &scene], &["scene.toml", "not replaced"]);
+    says(&["--out", &scene, "--format", "png"], &["scene.toml", "not replaced"]);
+    for wrong in [["--view", "30"], ["--view", "0,100"], ["--size", "50"], ["--size", "800x"], ["--fps", "0"]]
+    {
+        let line = [&["animation", "run"], &wrong[..]].concat();
+        assert!(ExportLine::try_parse_from(line).is_err(), "{wrong:?}");
+    }
+}
+
 #[test]
 fn flow_around_a_canopy_at_rest_is_drawn() {
     let run = run();

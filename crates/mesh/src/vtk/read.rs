@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use vtkio::model::{Attribute, CellType, DataSet, Vtk};
+use vtkio::model::{Attribute, CellType, DataSet, IOBuffer, Vtk};
 
 use super::Series;
 use crate::{MeshError, Point};
@@ -35,6 +35,27 @@ pub fn snapshots(path: &Path) -> Result<Vec<Snapshot>, MeshError> {
     Ok(found)
 }
 
+/// Type of the numbers of a field in its file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Number {
+    /// Double precision, and all types that are not listed here.
+    F64,
+    /// Single precision.
+    F32,
+    /// Whole numbers.
+    U32,
+}
+
+impl Number {
+    fn of(data: &IOBuffer) -> Self {
+        match data {
+            IOBuffer::F32(_) => Number::F32,
+            IOBuffer::U32(_) => Number::U32,
+            _ => Number::F64,
+        }
+    }
+}
+
 /// A field of a [`Piece`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
@@ -42,6 +63,8 @@ pub struct Column {
     pub name: String,
     /// Numbers in each row.
     pub width: usize,
+    /// Type of the numbers in the file; `values` holds each of them exactly.
+    pub number: Number,
     /// `[rows][width]`.
     pub values: Vec<f64>,
 }
@@ -91,6 +114,7 @@ impl Piece {
             let mut columns = Vec::new();
             for attribute in attributes {
                 let Attribute::DataArray(array) = attribute else { continue };
+                let number = Number::of(&array.data);
                 let values = array.data.cast_into::<f64>().ok_or_else(numbers)?;
                 if rows == 0 || values.len() % rows != 0 {
                     return Err(wrong(format!(
@@ -99,7 +123,7 @@ impl Piece {
                         values.len()
                     )));
                 }
-                columns.push(Column { name: array.name, width: values.len() / rows, values });
+                columns.push(Column { name: array.name, width: values.len() / rows, number, values });
             }
             Ok(columns)
         };
@@ -122,6 +146,11 @@ impl Piece {
     pub fn cell(&self, cell: usize) -> &[u32] {
         let from = if cell == 0 { 0 } else { self.ends[cell - 1] };
         &self.nodes[from..self.ends[cell]]
+    }
+
+    /// Type of a cell as VTK numbers it, such as 5 for a triangle.
+    pub fn vtk_type(&self, cell: usize) -> u8 {
+        self.kinds[cell] as u8
     }
 
     /// The edges of a cell, as pairs of nodes.
@@ -187,7 +216,8 @@ mod tests {
         assert_eq!(piece.points, grid.coords);
         assert_eq!(piece.cell(7), grid.cells[7]);
         let v = piece.cell_field("v").unwrap();
-        assert_eq!((v.width, &v.values[21..24]), (3, &[7.0, 0.0, 0.5][..]));
+        assert_eq!((v.width, v.number, &v.values[21..24]), (3, Number::F32, &[7.0, 0.0, 0.5][..]));
+        assert_eq!(piece.vtk_type(7), 12);
         let mut edges: Vec<[u32; 2]> =
             (0..8).flat_map(|c| piece.edges(c)).map(|[a, b]| [a.min(b), a.max(b)]).collect();
         edges.sort_unstable();
