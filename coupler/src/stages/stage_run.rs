@@ -153,7 +153,13 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 None => FlowBounds::new(context.scene, context.interface),
             },
             progress: Progress::new(context.console, &stage.name, stage.kind, clock.planned(), windows)
-                .with_drag_of(context.scene.watched_force(stage.kind).name()),
+                .with_drag_of(context.scene.watched_force(stage.kind).name())
+                .with_file(
+                    context.out,
+                    context.stage + 1,
+                    context.scene.stages.len(),
+                    resumed.map_or(0.0, |saved| saved.time_s),
+                ),
             clock,
             energy_limit,
             saves: Saves::default(),
