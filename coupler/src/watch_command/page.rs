@@ -13,10 +13,13 @@ use super::view::View;
 const WIDTH: [usize; 2] = [40, 160];
 /// Fewest and most lines of a curve.
 const HEIGHT: [usize; 2] = [4, 12];
+/// Lines of a curve without a terminal.
+const DEFAULT: usize = 6;
 /// Lines of a plot next to those of its curve: name, axis, and the empty line before.
 const AROUND: usize = 3;
 
-/// State, progress, last values and plots, at most `columns` wide; the plots share what is left of `lines`.
+/// State, progress, last values and plots, at most `columns` wide; the plots share what is left of the `lines` of a terminal,
+/// on which those that do not fit are left out.
 ///
 /// # Errors
 /// No history has a column of a name in `chosen`.
@@ -24,7 +27,7 @@ pub(super) fn page(
     view: &View<'_>,
     chosen: &[String],
     columns: usize,
-    lines: usize,
+    lines: Option<usize>,
 ) -> Result<String, RunError> {
     let columns = columns.clamp(WIDTH[0], WIDTH[1]);
     let mut text = vec![head(view)];
@@ -33,9 +36,13 @@ pub(super) fn page(
     text.extend(values(view));
     text.extend(warnings(view));
     let mut text: Vec<String> = text.iter().map(|line| cut(line, columns)).collect();
-    let names = names(view, chosen)?;
-    let room = lines.saturating_sub(text.len() + 1) / names.len().max(1);
-    let rows = room.saturating_sub(AROUND).clamp(HEIGHT[0], HEIGHT[1]);
+    let mut names = names(view, chosen)?;
+    let mut rows = DEFAULT;
+    if let Some(lines) = lines {
+        let room = lines.saturating_sub(text.len() + 1);
+        names.truncate(room / (HEIGHT[0] + AROUND));
+        rows = (room / names.len().max(1)).saturating_sub(AROUND).clamp(HEIGHT[0], HEIGHT[1]);
+    }
     let time = view.rows.column("time_s").unwrap_or_default();
     for name in names {
         let Some(values) = view.rows.column(name) else { continue };

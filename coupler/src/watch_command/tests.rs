@@ -40,7 +40,7 @@ fn text(run: &Path, columns: &[&str]) -> String {
     let mut watched = Watched::open(run).expect("a run");
     watched.update().expect("read");
     let columns: Vec<String> = columns.iter().map(|c| (*c).to_owned()).collect();
-    page(&watched.view(), &columns, 80, 24).expect("a page")
+    page(&watched.view(), &columns, 80, None).expect("a page")
 }
 
 fn once(run: &Path, columns: &[&str]) -> Result<(), coupling::error::RunError> {
@@ -116,8 +116,10 @@ fn width_follows_the_terminal() {
     let run = folder(COMPLETE, 20);
     let mut watched = Watched::open(run.path()).expect("a run");
     watched.update().expect("read");
-    for (columns, lines) in [(40, 10), (100, 50), (500, 24), (10, 5)] {
-        let text = page(&watched.view(), &[], columns, lines).expect("a page");
+    for (columns, lines) in [(40, 10), (100, 50), (500, 24), (10, 5), (80, 14)] {
+        let text = page(&watched.view(), &[], columns, Some(lines)).expect("a page");
+        // The cursor is below the text. State and progress have five lines.
+        assert!(text.lines().count() < lines.max(6), "{lines}: {text}");
         let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
         assert!(widest <= columns.clamp(40, 160), "{columns}: {widest}");
     }

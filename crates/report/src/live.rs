@@ -12,7 +12,7 @@ use super::data::Run;
 use super::{ReportArgs, html};
 
 /// Largest share of a core for writing the page.
-const SHARE: f64 = 0.02;
+const SHARE: f64 = 0.04;
 /// Shortest and longest interval of two pages.
 const INTERVAL: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(600)];
 /// Number of pages in a row that may fail.
@@ -33,7 +33,7 @@ fn interval(cost: Duration) -> Duration {
     cost.div_f64(SHARE).clamp(INTERVAL[0], INTERVAL[1])
 }
 
-/// Writes the report of a run again and again until the run ends or `stop` becomes true, at an interval of fifty times the
+/// Writes the report of a run again and again until the run ends or `stop` becomes true, at an interval of twenty-five times the
 /// cost of writing it. The last page of an ended run does not reload itself.
 ///
 /// # Errors
@@ -80,9 +80,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pages_take_at_most_two_percent_of_a_core() {
+    fn pages_take_at_most_four_percent_of_a_core() {
         let seconds = |cost| interval(Duration::from_secs_f64(cost)).as_secs_f64();
-        assert!((seconds(2.0) - 100.0).abs() < 1e-6);
+        assert!((seconds(2.0) - 50.0).abs() < 1e-6);
         assert_eq!((seconds(0.01), seconds(100.0)), (5.0, 600.0));
     }
 }

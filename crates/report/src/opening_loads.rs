@@ -12,6 +12,9 @@ pub(super) const OPENING: &str = "Opening. Line stretch: the riser force reaches
     least nine tenths of the largest, not exceeded within a tenth of the time since line stretch. q is the dynamic pressure at line stretch, S0 the nominal area, D0 \
     the nominal diameter. Filling constants and opening force coefficients of handbooks count from the line stretch of a packed canopy.";
 
+/// Of a canopy that is not filled.
+const STILL: &str = "still filling at the end of the stage";
+
 /// The largest force of the opening, with its factor; `None` where no stage opens the canopy.
 pub(super) fn card(run: &Run) -> Option<Card> {
     let stage = run.stages.iter().find(|s| table(run, s).is_some())?;
@@ -33,7 +36,15 @@ pub(super) fn card(run: &Run) -> Option<Card> {
         ),
     };
     notes.insert(0, note.into());
-    notes.extend(row("filling time").map(|text| format!("filling time, s: {text}")));
+    let filling = row("filling time")?;
+    notes.push(if filling == STILL {
+        format!("not final: {STILL}")
+    } else {
+        format!("filled in {filling} s")
+    });
+    if row("drag area").is_some_and(|area| area.contains("not settled")) {
+        notes.push("the drag area is not settled".into());
+    }
     Some(Card { label: "Opening factor".into(), value, notes, warn: false })
 }
 
@@ -48,7 +59,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
     let reference = of(stage)?;
     let o = Opening::of_history(stage.columns.all(), &reference)?;
     let given = |value: Option<f64>, none: &str| value.map_or_else(|| none.to_owned(), digits);
-    let open = "still filling at the end of the stage";
+    let open = STILL;
     let mut rows = vec![
         ("nominal diameter D0, m", digits(o.nominal_diameter_m)),
         ("mass ratio m/(rho D0^3)", given(o.mass_ratio, "infinite: confluence point held")),

@@ -9,7 +9,7 @@ use flate2::write::ZlibEncoder;
 use mesh::Point;
 use serde_json::{Value, json};
 
-use super::frames::{FIELDS, Frame, StageFrames};
+use super::frames::{FIELDS, Field, Frame, StageFrames};
 use super::payload::Pose;
 use super::shape::Shape;
 
@@ -68,19 +68,12 @@ pub(super) fn pack(stages: &[StageFrames], payload_m: Option<[f64; 3]>) -> Optio
     }
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
     let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish()).ok()?;
-    let fields: Vec<Value> = FIELDS
-        .iter()
-        .map(|f| {
-            let kind = if f.states() { "states" } else { "scale" };
-            json!({ "label": f.label, "unit": f.unit, "kind": kind, "note": f.note })
-        })
-        .collect();
     let largest = extent.iter().copied().fold(0.0, f64::max);
     let size = payload_m.unwrap_or([SYMBOL * largest; 3]);
     let header = json!({
         "payload": { "size": size },
         "nodes": shape.nodes, "triangles": shape.triangles.len(), "hem": shape.hem.len(),
-        "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields, "stages": described,
+        "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields(), "stages": described,
     });
     let counts: Vec<String> = stages
         .iter()
@@ -96,6 +89,15 @@ pub(super) fn pack(stages: &[StageFrames], payload_m: Option<[f64; 3]>) -> Optio
         largest / 65535.0 * 1e3
     );
     Some(Packed { header, data, note })
+}
+
+/// Names and units of the fields.
+fn fields() -> Vec<Value> {
+    let field = |f: &Field| {
+        let kind = if f.states() { "states" } else { "scale" };
+        json!({ "label": f.label, "unit": f.unit, "kind": kind, "note": f.note })
+    };
+    FIELDS.iter().map(field).collect()
 }
 
 /// Corner and extent of all shapes, with `reach` (m) around the payload.

@@ -43,22 +43,7 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         };
         chart.note = format!("Force of the air on {} along {along}.", watched.name());
     }
-    for chart in &mut found {
-        match chart.title.as_str() {
-            "Descent speed" => {
-                let published = plot::published(run.scene()).iter();
-                let published =
-                    published.filter(|_| coupled(described.kind) && facts::not_comparable(stage).is_none());
-                chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
-            }
-            "Drag" => {
-                chart.references =
-                    facts::weight(run).map(|w| (w, format!("weight {}", digits(w)))).into_iter().collect();
-                omit_transient(chart);
-            }
-            _ => omit_transient(chart),
-        }
-    }
+    refer(run, stage, &mut found);
     found.extend(payload::charts(stage, &id));
     found.extend(points(&stage.points, &id));
     if let Some(frames) = frames {
@@ -87,6 +72,27 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         title: format!("Stage {name}"),
         lead: format!("{}: {}.", capital(origin::kind(described.kind)), facts::progress(run, stage)),
         blocks,
+    }
+}
+
+/// Adds published values and the weight, and leaves out what exceeds the scale of the rest.
+fn refer(run: &Run, stage: &StageData, found: &mut [Chart]) {
+    let described = run.stage(stage);
+    for chart in found {
+        match chart.title.as_str() {
+            "Descent speed" => {
+                let published = plot::published(run.scene()).iter();
+                let published =
+                    published.filter(|_| coupled(described.kind) && facts::not_comparable(stage).is_none());
+                chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
+            }
+            "Drag" => {
+                chart.references =
+                    facts::weight(run).map(|w| (w, format!("weight {}", digits(w)))).into_iter().collect();
+                omit_transient(chart);
+            }
+            _ => omit_transient(chart),
+        }
     }
 }
 

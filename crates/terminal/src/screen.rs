@@ -6,8 +6,6 @@ use console::Term;
 
 /// Width without a terminal, columns.
 const WIDTH: usize = 80;
-/// Height without a terminal, lines.
-const HEIGHT: usize = 24;
 
 /// Standard output.
 pub struct Screen {
@@ -28,11 +26,11 @@ impl Screen {
         self.term.is_term()
     }
 
-    /// Columns and lines: of the terminal, else 80 x 24.
-    pub fn size(&self) -> (usize, usize) {
+    /// Columns and lines of the terminal; without one 80 columns and any number of lines.
+    pub fn size(&self) -> (usize, Option<usize>) {
         match self.term.size_checked().filter(|_| self.is_terminal()) {
-            Some((lines, columns)) => (usize::from(columns), usize::from(lines)),
-            None => (WIDTH, HEIGHT),
+            Some((lines, columns)) => (usize::from(columns), Some(usize::from(lines))),
+            None => (WIDTH, None),
         }
     }
 
