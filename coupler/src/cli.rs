@@ -101,7 +101,11 @@ enum Command {
     /// Export results of a run to files for other programs: VTKHDF with all times, animations
     #[command(after_help = CODES)]
     Export(export::ExportArgs),
-    /// Write an HTML report of a run: results, the canopy in three dimensions, wall times
+    /// Follow a run from its files: state, progress, ETA, plots in the terminal
+    #[command(after_help = crate::watch_command::HELP)]
+    Watch(crate::watch_command::WatchArgs),
+    /// Write an HTML report of a run: the canopy in three dimensions, results, wall times; of two or more runs: their
+    /// comparison
     Report(report::ReportArgs),
     /// Print settled means with 95 % intervals, swing, and wake of a complete, running or interrupted run
     #[command(after_help = CODES)]
@@ -364,6 +368,8 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Completions { shell } => printed(Ok(crate::shell_help::completions(shell))),
         Command::Man { folder } => crate::shell_help::write_manual_pages(&folder),
         Command::Picture(args) => figures::picture::picture(&args, console),
+        Command::Watch(args) => crate::watch_command::watch(&args, &*signals::stop_flag()?),
+        Command::Report(args) if args.watch => report::follow(&args, &*signals::stop_flag()?, console),
         Command::Report(args) => report::report(&args, console),
         Command::Statistics(args) => printed(crate::statistics_command::statistics(&args)),
     }
@@ -385,11 +391,11 @@ fn run_scene(
     let options = &RunOptions { now: Some(now), ..change(args.options()) };
     let (summary, out) = run(options, &stop, console).map_err(|error| resumable(error, options))?;
     console.line("");
-    console.line(&summary.table(&out));
+    console.result(&summary.table(&out));
     if profile {
         for stage in &summary.timings {
-            console.line("");
-            console.line(&stage.table());
+            console.result("");
+            console.result(&stage.table());
         }
     }
     if summary.stages.iter().any(|stage| stage.deviates) { Err(RunError::Differs) } else { Ok(()) }

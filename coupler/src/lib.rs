@@ -24,3 +24,4 @@ pub mod shell_help;
 mod signals;
 pub mod stages;
 pub mod statistics_command;
+mod watch_command;

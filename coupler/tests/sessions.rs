@@ -245,8 +245,9 @@ impl TestRun {
     /// Exit code, standard error, and the processor time that was available.
     fn run(&self, troubled: Option<(Role, &str)>, more: &[&str]) -> (i32, String, Duration) {
         let available = Available::new();
-        let Output { status, stderr, .. } = self.command(troubled, more).output().expect("ripstop starts");
-        let text = String::from_utf8_lossy(&stderr).into_owned();
+        let Output { status, stdout, stderr } =
+            self.command(troubled, more).output().expect("ripstop starts");
+        let text = [stderr, stdout].map(|bytes| String::from_utf8_lossy(&bytes).into_owned()).concat();
         (status.code().unwrap_or(-1), text, available.elapsed())
     }
 

@@ -242,7 +242,7 @@ class Commands(unittest.TestCase):
         )
         child = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE, text=True)
         for line in child.stderr:
-            if line.startswith("[pre-inflation] t"):
+            if line.startswith("[pre-inflation] "):
                 child.send_signal(signal.SIGINT)
                 break
         rest = child.stderr.read()

@@ -1,9 +1,11 @@
 //! The report of a run, tested in a browser.
 
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use ripstop_tests::browser::{Browser, find_browser};
+use ripstop_tests::load::Limit;
 use ripstop_tests::skip::skipped;
 use ripstop_tests::{changed_scene, program, ripstop_run, succeed};
 use serde_json::json;
@@ -25,6 +27,44 @@ const PIXELS: &str = "(() => { const v = document.getElementById('canopy').viewe
 fn colours_and_sum(browser: &mut Browser) -> (u64, u64) {
     let found = browser.evaluate(PIXELS);
     (found[0].as_u64().expect("a count"), found[1].as_u64().expect("a sum"))
+}
+
+/// `report --watch` while another process holds the lock of `out`, as a run does: the open page reloads itself and keeps its
+/// view; the last page does not reload.
+fn page_follows_the_run(browser: &mut Browser, out: &Path) {
+    let lock = std::fs::File::create(out.join(".lock")).expect("a file");
+    lock.lock().expect("the lock");
+    let mut command = report(out, &["--watch"]);
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("it starts");
+    let page = out.join("report.html");
+    let reloads = || std::fs::read_to_string(&page).is_ok_and(|text| text.contains("<body data-reload="));
+    let limit = Limit::new(Duration::from_secs(60));
+    limit.until(Duration::from_millis(50), reloads).expect("a page that reloads itself");
+    browser.open(&page);
+    let ready = "document.getElementById('canopy')?.dataset.state === 'ready'";
+    browser.until(ready);
+    let choose = |part: &str, value: u32| {
+        format!(
+            "(() => {{ const s = document.querySelector('[data-part={part}]'); s.value = {value}; \
+             s.dispatchEvent(new Event('change')); }})();"
+        )
+    };
+    browser.evaluate(&(choose("stage", 0) + &choose("field", 2)));
+    browser.evaluate(
+        "canopy.viewer.show(3); canopy.viewer.camera.position.set(1, 2, 3); canopy.viewer.controls.update()",
+    );
+    browser.evaluate("scrollTo({ top: 700, behavior: 'instant' }); window.before = true");
+    let view = "[scrollY, canopy.viewer.stage, canopy.viewer.field, canopy.viewer.frame, \
+                ...canopy.viewer.camera.position.toArray().map(Math.round)]";
+    let before = browser.evaluate(view);
+    assert_eq!(before, json!([700, 0, 2, 3, 1, 2, 3]));
+    browser.until(&format!("window.before === undefined && {ready} && history.state && scrollY > 0"));
+    assert_eq!(browser.evaluate(view), before, "the page that was loaded again has another view");
+
+    drop(lock);
+    let ended = limit.until(Duration::from_millis(50), || child.try_wait().expect("a child").is_some());
+    ended.expect("it ends with the run");
+    assert!(child.wait().expect("a child").success() && !reloads());
 }
 
 #[test]
@@ -131,6 +171,8 @@ fn report_page_is_complete_and_interactive() {
     if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
         std::fs::copy(&page, Path::new(&keep).join("report.html")).expect("a folder");
     }
+    page_follows_the_run(&mut browser, &out);
+    assert_eq!(browser.complaints(), Vec::<String>::new());
 }
 
 #[test]

@@ -28,7 +28,7 @@ fn drop(folder: &Path, stages: &str) -> PathBuf {
 }
 
 fn text(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
+    [&output.stdout, &output.stderr].map(|text| String::from_utf8_lossy(text)).concat()
 }
 
 /// Without wind, in air of one density, a coupled stage after a trajectory is what it is without it: the mean motion went on, and the swing about it

@@ -20,6 +20,7 @@ use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::schemes::InterfaceState;
 use figures::plot;
+use results::progress::StageProgress;
 use results::state;
 use results::summary::{COMPLETE, RUNNING, RunSummary, StageSummary};
 use results::timings::StageTimings;
@@ -105,6 +106,7 @@ impl<'a> Run<'a> {
         let summary = RunSummary { inspection: inspection.above_notes(), ..summary_of(scene, before) };
         let mut run =
             Self { options, prepared, stop, console, stages, resume, identity, summary, start, _lock: lock };
+        StageProgress::remove(&prepared.out);
         // Replaces that of an earlier run in this folder, which would stay where this one is killed.
         run.write_summary(RUNNING)?;
         Ok(run)
@@ -210,6 +212,11 @@ impl<'a> Run<'a> {
     fn close(mut self, ended: &Result<(), RunError>) -> Result<RunSummary, RunError> {
         let Prepared { scene, out, interface, .. } = self.prepared;
         let how = ended.as_ref().map_or_else(ToString::to_string, |()| COMPLETE.into());
+        let deviates = self.summary.stages.iter().any(|stage| stage.deviates);
+        let code = ended
+            .as_ref()
+            .map_or_else(RunError::exit_code, |()| if deviates { RunError::Differs.exit_code() } else { 0 });
+        self.summary.exit_code = Some(code);
         self.write_summary(&how)?;
         if let Err(error) = plots(scene, out, interface) {
             self.console.warning(&error.to_string());
@@ -231,7 +238,9 @@ fn summary_of(scene: &Scene, stages: Vec<StageSummary>) -> RunSummary {
     RunSummary {
         scene: scene.name.clone(),
         ended: COMPLETE.into(),
+        exit_code: None,
         version: env!("CARGO_PKG_VERSION"),
+        commit: results::provenance::commit(),
         started_utc: terminal::utc_now(),
         command: std::env::args().collect(),
         machine: results::machine::Machine::here(),

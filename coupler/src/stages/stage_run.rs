@@ -34,6 +34,15 @@ fn brief(error: &RunError) -> String {
     text.split("; ").next().unwrap_or(&text).split(". Re").next().unwrap_or(&text).to_owned()
 }
 
+/// Progress of the stage to `windows` planned windows, of which `done` are completed.
+fn progress(context: &StageContext<'_>, done: u64, windows: u64) -> Progress {
+    let stage = context.description();
+    let time_s = context.resumed.map_or(0.0, |saved| saved.time_s);
+    Progress::new(context.console, &stage.name, stage.kind, done, windows)
+        .with_drag_of(context.scene.watched_force(stage.kind).name())
+        .with_file(context.out, context.stage + 1, context.scene.stages.len(), time_s)
+}
+
 /// The files to which each window of a stage adds rows.
 struct Records {
     history: History,
@@ -152,8 +161,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
                 Some(saved) => saved.flow_bounds,
                 None => FlowBounds::new(context.scene, context.interface),
             },
-            progress: Progress::new(context.console, &stage.name, stage.kind, clock.planned(), windows)
-                .with_drag_of(context.scene.watched_force(stage.kind).name()),
+            progress: progress(context, clock.planned(), windows),
             clock,
             energy_limit,
             saves: Saves::default(),

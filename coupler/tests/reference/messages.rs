@@ -101,6 +101,11 @@ const CLASSES: &[(&str, &str, &str)] = &[
         "Run the scene alone first; follow the message.",
     ),
     (
+        "Followed",
+        "The run that `ripstop watch` follows was interrupted, failed, was killed, or deviates from its baseline.",
+        "That of the error that it quotes.",
+    ),
+    (
         "File",
         "A folder without write permission, a full disk, a file that was removed.",
         "Correct the path, its permissions, or make room; resume.",

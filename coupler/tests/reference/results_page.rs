@@ -113,7 +113,7 @@ fn json_type(rust: &str) -> String {
     match name {
         "String" | "str" => "string".into(),
         "f64" => "number".into(),
-        "u32" | "u64" | "usize" => "integer".into(),
+        "u8" | "u32" | "u64" | "usize" => "integer".into(),
         "bool" => "boolean".into(),
         "StageKind" => "`stage.kind`".into(),
         "Severity" => "`note`, `warning` or `error`".into(),
@@ -131,16 +131,18 @@ fn fields_of(name: &str, path: &str) -> Vec<[String; 3]> {
     kept.map(|m| [m.name, json_type(&m.of), m.text]).collect()
 }
 
+fn fields_table(name: &str, path: &str) -> String {
+    let row = |[name, of, text]: &[String; 3]| {
+        vec![format!("`{name}`"), of.clone(), unit(name).unwrap_or("").into(), inline(text)]
+    };
+    let rows: Vec<Vec<String>> = fields_of(name, path).iter().map(row).collect();
+    table(&["field", "type", "unit", "meaning"], &rows)
+}
+
 fn summary_tables() -> String {
     let mut text = String::new();
     for (name, path) in STRUCTS {
-        let rows: Vec<Vec<String>> = fields_of(name, path)
-            .iter()
-            .map(|[name, of, text]| {
-                vec![format!("`{name}`"), of.clone(), unit(name).unwrap_or("").into(), inline(text)]
-            })
-            .collect();
-        text += &format!("\n### {name}\n\n{}", table(&["field", "type", "unit", "meaning"], &rows));
+        text += &format!("\n### {name}\n\n{}", fields_table(name, path));
     }
     text
 }
@@ -185,6 +187,7 @@ fn page() -> String {
     add("Columns of `probes.csv`", format!("One set for each probe.\n\n{}", columns_table(columns::PROBES)));
     add("Columns of `payload.csv`", columns_table(columns::PAYLOAD));
     add("Columns of `{stage}-difference.csv`", differences_table());
+    add("Fields of `progress.json`", fields_table("StageProgress", "crates/results/src/progress.rs"));
     add("Fields of `summary.json`", format!("The file is one object `RunSummary`.\n{}", summary_tables()));
     text
 }
@@ -261,7 +264,9 @@ fn summary() -> RunSummary {
     RunSummary {
         scene: scene.name.clone(),
         ended: "complete".into(),
+        exit_code: Some(0),
         version: "0",
+        commit: "unknown".into(),
         started_utc: String::new(),
         command: vec!["ripstop".into()],
         machine: results::machine::Machine::here(),

@@ -199,6 +199,14 @@ pub enum RunError {
     /// A study without a result: its base sample failed, or nothing could be assessed.
     #[error("{0}")]
     Study(String),
+    /// A run that was followed ended early.
+    #[error("the run ended early: {how}")]
+    Followed {
+        /// Why.
+        how: String,
+        /// Its exit code.
+        code: u8,
+    },
     /// A file could not be read or written.
     #[error("cannot {action} {}: {source}", .path.display())]
     File {
@@ -289,6 +297,7 @@ impl RunError {
             Self::Interrupted(_) => 130,
             Self::Resumable { error, .. } => error.exit_code(),
             Self::Differs | Self::Deviates { .. } => 3,
+            Self::Followed { code, .. } => *code,
             _ => 1,
         }
     }

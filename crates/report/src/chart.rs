@@ -33,6 +33,8 @@ pub(super) struct Chart {
     pub(super) references: Vec<(f64, String)>,
     /// Logarithmic axis of values.
     pub(super) logarithmic: bool,
+    /// Horizontal axis of a path, which need not go from left to right. Empty: time.
+    pub(super) along: &'static str,
 }
 
 /// A number with four significant digits; with an exponent only below 1e-3 or from 1e5.
@@ -66,6 +68,13 @@ fn thin(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     kept
 }
 
+/// Thins a path: every n-th point and the last.
+fn thin_path(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let step = points.len().div_ceil(MAX_POINTS).max(1);
+    let last = points.len().saturating_sub(1);
+    points.iter().enumerate().filter(|(i, _)| i % step == 0 || *i == last).map(|(_, p)| *p).collect()
+}
+
 /// Replaces `m2` and `m3` by superscripts.
 pub(super) fn units(text: &str) -> String {
     text.replace(" m2", " m\u{b2}").replace(" m3", " m\u{b3}")
@@ -90,13 +99,16 @@ impl Chart {
     fn panels(&self) -> Panels {
         let finite = || self.series.iter().flat_map(|s| &s.points).filter(|p| p.1.is_finite());
         let values = finite().map(|p| p.1).chain(self.references.iter().map(|r| r.0));
+        let time = self.along.is_empty();
+        let along = if time { "time, s" } else { self.along };
         let curve = |(i, s): (usize, &Series)| {
-            let points = thin(&s.points).into_iter().map(|(x, y)| [x, y]).collect();
+            let kept = if time { thin(&s.points) } else { thin_path(&s.points) };
+            let points = kept.into_iter().map(|(x, y)| [x, y]).collect();
             Curve::curve(&s.label, colour::series(i), points)
         };
         let panel = Panel {
             title: String::new(),
-            x: Axis::spanning("time, s", finite().map(|p| p.0)),
+            x: Axis::spanning(along, finite().map(|p| p.0)),
             y: Axis::around(&self.heading(), self.logarithmic, values),
             series: self.series.iter().enumerate().map(curve).collect(),
             band: None,
@@ -117,12 +129,17 @@ impl Chart {
     /// The chart as an SVG element of the page, with the data for its script.
     pub(super) fn element(&self) -> String {
         let panels = self.panels();
+        let words = self.words();
+        if !self.along.is_empty() {
+            let attributes = [("class", "path"), ("role", "img"), ("aria-label", words.as_str())];
+            return Figure::Panels(panels).svg().element(&attributes, "");
+        }
         let data = panels.data_box(0).expect("a chart has one panel");
         let list = |numbers: [f64; 4]| numbers.map(|n| n.to_string()).join(",");
         let [x0, x1, y0, y1] = data.span;
         let height = |v: f64| if self.logarithmic { v.log10() } else { v };
         let (place, span) = (list(data.place), list([x0, x1, height(y0), height(y1)]));
-        let (words, pixel) = (self.words(), data.pixel.to_string());
+        let pixel = data.pixel.to_string();
         let mut attributes = vec![
             ("class", "chart"),
             ("role", "img"),
@@ -151,7 +168,8 @@ impl Chart {
 
     /// Text alternative: range of each curve.
     pub(super) fn words(&self) -> String {
-        let mut text = format!("{} over time.", self.title);
+        let over = if self.along.is_empty() { "time" } else { self.along };
+        let mut text = format!("{} over {over}.", self.title);
         for series in &self.series {
             let finite: Vec<(f64, f64)> = series.points.iter().copied().filter(|p| p.1.is_finite()).collect();
             let (Some(first), Some(last)) = (finite.first(), finite.last()) else { continue };

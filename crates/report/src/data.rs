@@ -6,6 +6,7 @@ use case::{Scene, StageKind};
 use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
 use results::history;
+use results::run_state::{RunState, RunStatus};
 use results::settled::SettledMean;
 use results::strength::SafetyFactor;
 use results::wake::Wake;
@@ -96,6 +97,8 @@ pub(super) struct StageData {
     pub(super) columns: Columns,
     /// Displacement of points of the canopy; no column without them.
     pub(super) points: Columns,
+    /// Motion of a payload that is a body; no column of any other.
+    pub(super) payload: Columns,
     /// Its entry in `summary.json`.
     pub(super) summary: Option<Value>,
 }
@@ -112,6 +115,8 @@ pub(super) struct Run {
     pub(super) stages: Vec<StageData>,
     /// Data that the run did not write, and what writes them.
     pub(super) missing: Vec<String>,
+    /// Whether it runs, or how it ended.
+    pub(super) state: RunState,
 }
 
 /// Value of a key of a JSON object as text; empty if it is missing or no text.
@@ -145,7 +150,8 @@ impl Run {
                 |list: &Value| list.as_array()?.iter().find(|s| text(Some(s), "name") == stage.name).cloned();
             let entry = summary.as_ref().and_then(|s| s.get("stages")).and_then(of_stage);
             let points = read_history(&path.with_file_name("points.csv"), &mut missing)?;
-            stages.push(StageData { index, columns, points, summary: entry });
+            let payload = read_history(&path.with_file_name("payload.csv"), &mut missing)?;
+            stages.push(StageData { index, columns, points, payload, summary: entry });
         }
         if stages.is_empty() {
             return Err(RunError::Input(format!(
@@ -154,8 +160,38 @@ impl Run {
                 folder.display()
             )));
         }
-        let run = Self { folder: folder.into(), results, summary, stages, missing };
+        let state = RunStatus::read(folder)?.state;
+        let run = Self { folder: folder.into(), results, summary, stages, missing, state };
         run.with_missing_snapshots()
+    }
+
+    /// Whether any stage of the run in `folder` has completed a window.
+    ///
+    /// # Errors
+    /// The folder or its scene is missing.
+    pub(super) fn has_windows(folder: &Path) -> Result<bool, RunError> {
+        let scene = RunSnapshots::open(folder)?.scene;
+        let has = |index: usize| {
+            let path = case::stage_folder(folder, &scene, index).join("history.csv");
+            std::fs::read_to_string(path).is_ok_and(|text| text.matches('\n').count() > 1)
+        };
+        Ok((0..scene.stages.len()).any(has))
+    }
+
+    /// Whether all stages were completed.
+    pub(super) fn is_complete(&self) -> bool {
+        self.state == RunState::Complete
+    }
+
+    /// The state in one word.
+    pub(super) fn state_word(&self) -> &'static str {
+        match self.state {
+            RunState::Running => "running",
+            RunState::Complete => "complete",
+            RunState::Interrupted(_) => "interrupted",
+            RunState::Failed(_) => "failed",
+            RunState::Killed => "not finished",
+        }
     }
 
     /// The scene.

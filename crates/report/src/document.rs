@@ -4,13 +4,14 @@ use case::StageKind;
 use coupling::error::RunError;
 use figures::picture::{canopy_png, flow_png};
 use figures::snapshots::Kind;
+use results::run_state::RunState;
 
 use super::bars::Bars;
 use super::chart::Chart;
-use super::data::{Run, StageData, text};
+use super::data::{Run, StageData};
 use super::frames::{self, StageFrames};
 use super::pack::{Packed, pack};
-use super::{coupling_quality, facts, origin, stage, times};
+use super::{coupling_quality, facts, origin, payload, stage, times};
 
 /// Width of pictures, pixels.
 const PICTURE: u32 = 800;
@@ -101,10 +102,10 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
     let mut sections = Vec::new();
     let of_stage = |s: &StageData| frames.iter().find(|f| f.stage == run.stage(s).name);
     let main = run.main();
-    sections.push(stage::section(run, main, of_stage(main)));
     if let Some(canopy) = canopy(run, &frames)? {
         sections.push(canopy);
     }
+    sections.push(stage::section(run, main, of_stage(main)));
     if let Some(slices) = slices(run, &mut missing)? {
         sections.push(slices);
     }
@@ -135,11 +136,11 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
         });
     }
     sections.retain(|s| !s.blocks.is_empty());
-    let ended = text(run.summary.as_ref(), "ended");
-    let how = match ended {
-        "" => "The run has not finished, or was killed".to_owned(),
-        "complete" => "The run is complete".to_owned(),
-        other => format!("The run ended early: {other}"),
+    let how = match &run.state {
+        RunState::Running => "The run continues".to_owned(),
+        RunState::Complete => "The run is complete".into(),
+        RunState::Interrupted(how) | RunState::Failed(how) => format!("The run ended early: {how}"),
+        RunState::Killed => "The run has not finished: it was killed, or its summary is missing".into(),
     };
     Ok(Document {
         title: scene.heading().to_owned(),
@@ -156,7 +157,7 @@ pub(super) fn document(run: &Run, canopy_bytes: usize) -> Result<Document, RunEr
 }
 
 /// The first fifty lines, and the number of the others.
-fn shortened(all: &[String]) -> Vec<String> {
+pub(super) fn shortened(all: &[String]) -> Vec<String> {
     let mut list: Vec<String> = all.iter().take(50).cloned().collect();
     if all.len() > list.len() {
         list.push(format!("and {} more", all.len() - list.len()));
@@ -186,7 +187,7 @@ fn read_frames(run: &Run, bytes: usize) -> Result<Vec<StageFrames>, RunError> {
 }
 
 fn canopy(run: &Run, frames: &[StageFrames]) -> Result<Option<Section>, RunError> {
-    let Some(packed) = pack(frames) else { return Ok(None) };
+    let Some(packed) = pack(frames, payload::size(run.scene())) else { return Ok(None) };
     let last = frames.last().map(|f| f.stage.as_str()).unwrap_or_default();
     let stage = run.stages.iter().find(|s| run.stage(s).name == last);
     let picture = match stage {
@@ -200,11 +201,14 @@ fn canopy(run: &Run, frames: &[StageFrames]) -> Result<Option<Section>, RunError
         ),
         png,
     });
-    let lead = "Shape of the canopy, with the selected field. Drag to rotate, scroll to zoom; the slider sets the time.";
+    let mut lead = String::from(
+        "Canopy, lines and payload, with the selected field. Drag to rotate, scroll to zoom; the slider sets the time.",
+    );
+    lead.extend(payload::caption(run.scene()));
     Ok(Some(Section {
         id: "canopy-section".into(),
         title: "Canopy over time".into(),
-        lead: lead.into(),
+        lead,
         blocks: vec![Block::Canopy(Box::new(Canopy { packed, picture }))],
     }))
 }

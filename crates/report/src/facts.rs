@@ -10,6 +10,7 @@ use terminal::{clock, counted};
 use super::chart::digits;
 use super::data::{Columns, Run, StageData, number};
 use super::document::Card;
+use super::opening_loads;
 
 /// Total weight of parachute and payload, N; `None` without descent.
 pub(super) fn weight(run: &Run) -> Option<f64> {
@@ -45,6 +46,7 @@ pub(super) fn cards(run: &Run, warnings: usize) -> Vec<Card> {
         drag(run),
         projected_area(columns),
         line_tension(columns),
+        opening_loads::card(run),
         safety_factor(run),
         coupling_effort(columns),
         Some(wall_time(run)),
@@ -63,30 +65,53 @@ fn card(label: &str, value: String, notes: Vec<String>) -> Card {
     Card { label: label.into(), value, notes, warn: false }
 }
 
+/// A mean with what it covers and how sure it is.
+struct Quoted {
+    mean: f64,
+    /// The mean, with its interval if it has one.
+    value: String,
+    notes: Vec<String>,
+}
+
+impl Quoted {
+    /// The settled mean of a column, else the mean of the last half of its windows.
+    fn of(columns: &Columns, name: &str) -> Option<Self> {
+        let settled = columns.settled(name);
+        if let Some((s, value)) = settled.as_ref().and_then(|s| Some((s, s.mean_and_interval()?))) {
+            let (from, to) = (digits(s.from_s), digits(s.to_s));
+            let note = format!("settled mean from {from} to {to} s, 95 % interval of {} batches", s.batches);
+            return Some(Self { mean: s.mean, value, notes: vec![note] });
+        }
+        let (mean, deviation) = columns.late(name)?;
+        let windows = columns.rows() - columns.rows() / 2;
+        let why = match settled {
+            Some(s) => s.no_interval.unwrap_or_else(|| "not known why".into()),
+            None if columns.rows() < 40 => "fewer than 40 windows".into(),
+            None => "constant".into(),
+        };
+        let notes = vec![
+            format!(
+                "mean of the last half, {}, standard deviation {}",
+                counted(windows as u64, "window"),
+                digits(deviation)
+            ),
+            format!("no interval: {why}"),
+        ];
+        Some(Self { mean, value: digits(mean), notes })
+    }
+}
+
 /// Late mean of the descent speed in a coupled stage with descent, compared with published values.
 fn descent_speed(run: &Run) -> Option<Card> {
     let stage = run.main();
     if run.stage(stage).kind != StageKind::Coupled || run.scene().descent.is_none() {
         return None;
     }
-    let (late, deviation) = stage.columns.late("descent_speed_m_s")?;
+    let quoted = Quoted::of(&stage.columns, "descent_speed_m_s")?;
     let last = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
-    let settled = stage.columns.settled("descent_speed_m_s");
-    let interval = settled.as_ref().and_then(|s| Some((s.mean, s.mean_and_interval()?, s)));
-    let (mean, value, note) = match interval {
-        Some((mean, value, s)) => (
-            mean,
-            format!("{value} m/s"),
-            format!("settled mean from {} s, 95 % interval of {} batches", digits(s.from_s), s.batches),
-        ),
-        None => (
-            late,
-            format!("{} m/s", digits(late)),
-            format!("mean of the last half, standard deviation {}", digits(deviation)),
-        ),
-    };
-    let mut notes = vec![note, format!("{} m/s at the end", digits(last))];
-    notes.extend(settled.and_then(|s| s.no_interval).map(|why| format!("no interval: {why}")));
+    let (mean, value) = (quoted.mean, format!("{} m/s", quoted.value));
+    let mut notes = quoted.notes;
+    notes.push(format!("{} m/s at the end", digits(last)));
     let published = plot::published(run.scene());
     match not_comparable(stage) {
         Some(why) if !published.is_empty() => {
@@ -111,30 +136,29 @@ pub(super) fn not_comparable(stage: &StageData) -> Option<String> {
 
 fn drag(run: &Run) -> Option<Card> {
     let stage = run.main();
-    let (mean, deviation) = stage.columns.late("drag_n")?;
-    let mut notes = vec![format!("mean of the last half, standard deviation {}", digits(deviation))];
+    let Quoted { value, mut notes, .. } = Quoted::of(&stage.columns, "drag_n")?;
     if let Some(weight) = weight(run) {
         notes.push(format!("weight {} N", digits(weight)));
     }
     let kind = run.stage(stage).kind;
     let watched = run.scene().watched_force(kind);
     if watched != WatchedForce::Canopy {
-        return Some(card(&format!("Drag of {}", watched.name()), format!("{} N", digits(mean)), notes));
+        return Some(card(&format!("Drag of {}", watched.name()), format!("{value} N"), notes));
     }
     if kind != StageKind::Coupled {
         let speed = stage.columns.last("descent_speed_m_s").unwrap_or(f64::NAN);
         notes.push(format!("at {} m/s", digits(speed)));
     }
-    Some(card("Drag", format!("{} N", digits(mean)), notes))
+    Some(card("Drag", format!("{value} N"), notes))
 }
 
 fn projected_area(columns: &Columns) -> Option<Card> {
-    let (mean, _) = columns.late("projected_area_m2")?;
+    let Quoted { value, mut notes, .. } = Quoted::of(columns, "projected_area_m2")?;
     let values = columns.get("projected_area_m2").unwrap_or_default();
     let late = &values[values.len() / 2..];
     let (low, high) = late.iter().fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
-    let note = format!("mean of the last half; between {} and {} there", digits(low), digits(high));
-    Some(card("Projected area", format!("{} m2", digits(mean)), vec![note]))
+    notes.push(format!("between {} and {} in the last half", digits(low), digits(high)));
+    Some(card("Projected area", format!("{value} m2"), notes))
 }
 
 fn line_tension(columns: &Columns) -> Option<Card> {
@@ -165,7 +189,9 @@ fn coupling_effort(columns: &Columns) -> Option<Card> {
     let solves = columns.get("coupling_iterations")?;
     let most = columns.max("coupling_iterations").unwrap_or(0.0);
     let above = columns.get("coupling_converged").map_or(0, |v| v.iter().filter(|x| **x == 0.0).count());
-    let mut notes = vec![format!("flow solves per window on average, at most {most:.0}")];
+    let all = counted(solves.len() as u64, "window");
+    let mut notes =
+        vec![format!("flow solves per window, mean over all {all} of the stage, at most {most:.0}")];
     if above > 0 {
         notes.push(format!("{} not converged", counted(above as u64, "window")));
     }

@@ -7,6 +7,7 @@ use mesh::vtk::read::Piece;
 
 use super::data::{Run, StageData};
 use super::openings::{area, area_vector, skirt_and_vents};
+use super::payload::{Payload, Pose};
 use super::shape::Shape;
 
 /// Maximum number of snapshots read per stage.
@@ -65,6 +66,8 @@ pub(super) struct Frame {
     pub(super) points: Vec<Point>,
     /// Values of each triangle; empty if the snapshot does not contain the field.
     pub(super) fields: [Vec<f64>; 3],
+    /// The payload; `None` where its place is not known.
+    pub(super) payload: Option<Pose>,
 }
 
 /// Quantities measured on a snapshot.
@@ -126,6 +129,7 @@ pub(super) fn read(run: &Run, stage: &StageData, most: usize) -> Result<Option<S
     let all = times.all();
     let chosen = evenly(all.len(), MAX_READ);
     let kept = evenly(chosen.len(), most);
+    let payload = Payload::of(run, stage);
     let mut out: Option<StageFrames> = None;
     let mut openings: Option<(Vec<u32>, Vec<Vec<u32>>)> = None;
     for (at, &snapshot) in chosen.iter().enumerate() {
@@ -165,7 +169,7 @@ pub(super) fn read(run: &Run, stage: &StageData, most: usize) -> Result<Option<S
         });
         if kept.binary_search(&at).is_ok() {
             let points = points.clone();
-            found.frames.push(Frame { time, points, fields });
+            found.frames.push(Frame { time, points, fields, payload: payload.at(time) });
         }
     }
     Ok(out)

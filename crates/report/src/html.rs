@@ -8,6 +8,8 @@ use super::document::{Block, Canopy, Card, Document, Picture, Section, Table};
 
 const PAGE_STYLE: &str = include_str!("page/page.css");
 const PAGE_SCRIPT: &str = include_str!("page/page.js");
+/// Keeps scroll position and view over a reload.
+const VIEW_SCRIPT: &str = include_str!("page/view.js");
 /// three.js and the viewer, bundled by `viewer/build`.
 const VIEWER: &str = include_str!("viewer/viewer.min.js");
 /// Content security policy: the page loads nothing.
@@ -15,10 +17,13 @@ const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// The page.
-pub(super) fn page(document: &Document) -> String {
+/// The page. `reload_s`: it reloads itself at this interval, s, because the run continues.
+pub(super) fn page(document: &Document, reload_s: Option<u64>) -> String {
     let canopy = |s: &Section| s.blocks.iter().any(|b| matches!(b, Block::Canopy(_)));
     let with_canopy = document.sections.iter().any(canopy);
+    // The view is what a reader sees first.
+    let (view, others) =
+        document.sections.split_at(document.sections.iter().take_while(|s| canopy(s)).count());
     let page = html! {
         (DOCTYPE)
         html lang="en" {
@@ -29,24 +34,31 @@ pub(super) fn page(document: &Document) -> String {
                 meta name="color-scheme" content="light dark";
                 meta name="generator" content=(format!("ripstop {VERSION}"));
                 link rel="icon" href="data:,";
+                @if let Some(seconds) = reload_s {
+                    noscript { meta http-equiv="refresh" content=(seconds); }
+                }
                 title { (document.title) }
                 style { (PreEscaped(STYLE)) (PreEscaped(PAGE_STYLE)) }
             }
-            body {
+            body data-reload=[reload_s] {
                 header {
                     h1 { (document.title) }
                     p.status { (document.status) }
                 }
-                div.cards { @for card in &document.cards { (self::card(card)) } }
                 nav aria-label="Sections" {
                     @for section in &document.sections {
                         a href=(format!("#{}", section.id)) { (section.title) }
                     }
                 }
-                main { @for section in &document.sections { (self::section(section)) } }
+                main {
+                    @for section in view { (self::section(section)) }
+                    div.cards { @for card in &document.cards { (self::card(card)) } }
+                    @for section in others { (self::section(section)) }
+                }
                 footer { "Written by ripstop " (VERSION) " from the results of the run." }
                 script { (PreEscaped(PAGE_SCRIPT)) }
                 @if with_canopy { script { (PreEscaped(VIEWER)) } }
+                script { (PreEscaped(VIEW_SCRIPT)) }
             }
         }
     };
@@ -146,7 +158,7 @@ fn canopy(canopy: &Canopy) -> Markup {
             div.bar {
                 label { "Stage " select data-part="stage" {} }
                 label { "Colour " select data-part="field" {} }
-                label { input type="checkbox" data-part="lines" checked; " lines" }
+                label { input type="checkbox" data-part="lines" checked; " lines and payload" }
                 label { input type="checkbox" data-part="mesh"; " mesh" }
                 button type="button" data-part="reset" { "Reset view" }
             }

@@ -9,18 +9,21 @@
 
 mod bars;
 mod chart;
+mod comparison;
 mod coupling_quality;
 mod data;
 mod document;
 mod facts;
 mod frames;
 mod html;
+mod live;
 mod markdown;
 mod opening_loads;
 mod openings;
 mod origin;
 mod pack;
 mod panels;
+mod payload;
 mod shape;
 mod stage;
 #[cfg(test)]
@@ -34,22 +37,45 @@ use coupling::error::RunError;
 use terminal::Console;
 
 use self::data::Run;
+use self::document::Document;
+pub use self::live::follow;
 
 /// Arguments of `ripstop report`.
 #[derive(Args)]
 pub struct ReportArgs {
-    /// Results folder of a complete or incomplete run
-    run: PathBuf,
+    /// Results folder of a complete, running or incomplete run; two or more are compared
+    #[arg(required = true, value_name = "RUN")]
+    runs: Vec<PathBuf>,
     /// Write Markdown and a folder of pictures instead of an HTML page
     #[arg(long)]
     markdown: bool,
-    /// File to write [default: RUN/report.html or RUN/report.md]
+    /// Write the page again while the run continues; the open page follows it
+    #[arg(long, conflicts_with = "markdown")]
+    pub watch: bool,
+    /// File to write [default: report.html or report.md in RUN; comparison.html or comparison.md in the first RUN]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
     /// Size limit of the canopy shapes and fields in the page before compression, in MB; above it, snapshots
     /// are omitted at even intervals
     #[arg(long, value_name = "MB", default_value_t = 8.0, value_parser = megabytes)]
     canopy_mb: f64,
+}
+
+impl ReportArgs {
+    /// The file to write.
+    fn file(&self) -> PathBuf {
+        let name = if self.runs.len() > 1 { "comparison" } else { "report" };
+        let ending = if self.markdown { "md" } else { "html" };
+        self.out.clone().unwrap_or_else(|| self.runs[0].join(name).with_extension(ending))
+    }
+
+    /// The report of the run, or the comparison of the runs.
+    fn document(&self) -> Result<Document, RunError> {
+        match &self.runs[..] {
+            [run] => document::document(&Run::open(run)?, (self.canopy_mb * 1e6) as usize),
+            runs => comparison::document(runs),
+        }
+    }
 }
 
 fn megabytes(text: &str) -> Result<f64, String> {
@@ -84,20 +110,16 @@ fn megabytes(text: &str) -> Result<f64, String> {
 /// assert!(error.to_string().contains("runs/no-such-run"), "{error}");
 /// ```
 pub fn report(args: &ReportArgs, console: &Console) -> Result<(), RunError> {
-    let run = Run::open(&args.run)?;
-    let document = document::document(&run, (args.canopy_mb * 1e6) as usize)?;
-    let name = if args.markdown { "report.md" } else { "report.html" };
-    let out = args.out.clone().unwrap_or_else(|| args.run.join(name));
+    let document = args.document()?;
+    let out = args.file();
     let bytes = if args.markdown {
         markdown::write(&document, &out)?
     } else {
-        let page = html::page(&document);
-        std::fs::write(&out, &page).map_err(RunError::file("write", &out))?;
-        page.len()
+        live::write(&html::page(&document, None), &out)?
     };
     for text in &document.missing {
         console.line(&format!("missing from the report: {text}"));
     }
-    console.line(&format!("{}: {:.1} MB", out.display(), bytes as f64 / 1e6));
+    console.result(&format!("{}: {:.1} MB", out.display(), bytes as f64 / 1e6));
     Ok(())
 }

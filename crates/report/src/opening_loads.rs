@@ -5,12 +5,48 @@ use results::opening::{Opening, OpeningReference, drag_area};
 
 use super::chart::digits;
 use super::data::{Run, StageData};
-use super::document::{Table, coupled};
+use super::document::{Card, Table, coupled};
 use super::facts;
 
 pub(super) const OPENING: &str = "Opening. Line stretch: the riser force reaches 5 % of its largest value. Filled: the first maximum of the projected area of at \
     least nine tenths of the largest, not exceeded within a tenth of the time since line stretch. q is the dynamic pressure at line stretch, S0 the nominal area, D0 \
     the nominal diameter. Filling constants and opening force coefficients of handbooks count from the line stretch of a packed canopy.";
+
+/// Of a canopy that is not filled.
+const STILL: &str = "still filling at the end of the stage";
+
+/// The largest force of the opening, with its factor; `None` where no stage opens the canopy.
+pub(super) fn card(run: &Run) -> Option<Card> {
+    let stage = run.stages.iter().find(|s| table(run, s).is_some())?;
+    let table = table(run, stage)?;
+    let row = |start: &str| table.rows.iter().find(|row| row[0].starts_with(start)).map(|row| row[1].clone());
+    let mut notes = vec![format!(
+        "largest force of the risers {} N at {} s of stage {}",
+        row("largest force of the risers")?,
+        row("its time")?,
+        run.stage(stage).name
+    )];
+    let (value, note) = match row("opening factor") {
+        Some(factor) => {
+            (factor, "over q at line stretch and CD S of the last half of the last coupled stage")
+        }
+        None => (
+            row("the same over q S0")?,
+            "over q at line stretch and the nominal area; no drag area to compare with",
+        ),
+    };
+    notes.insert(0, note.into());
+    let filling = row("filling time")?;
+    notes.push(if filling == STILL {
+        format!("not final: {STILL}")
+    } else {
+        format!("filled in {filling} s")
+    });
+    if row("drag area").is_some_and(|area| area.contains("not settled")) {
+        notes.push("the drag area is not settled".into());
+    }
+    Some(Card { label: "Opening factor".into(), value, notes, warn: false })
+}
 
 /// Figures of the opening; `None` where the canopy does not open in the stage.
 pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
@@ -23,7 +59,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
     let reference = of(stage)?;
     let o = Opening::of_history(stage.columns.all(), &reference)?;
     let given = |value: Option<f64>, none: &str| value.map_or_else(|| none.to_owned(), digits);
-    let open = "still filling at the end of the stage";
+    let open = STILL;
     let mut rows = vec![
         ("nominal diameter D0, m", digits(o.nominal_diameter_m)),
         ("mass ratio m/(rho D0^3)", given(o.mass_ratio, "infinite: confluence point held")),
@@ -46,7 +82,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         rows.push(("drag area CD S in the last half of the last coupled stage, m2", digits(area) + &state));
         rows.push(("drag coefficient on S0 there", digits(coefficient)));
         rows.push((
-            "opening force coefficient, largest force over q CD S",
+            "opening factor (opening force coefficient), largest force over q CD S",
             digits(o.largest_force_share / coefficient),
         ));
         if let Some(mass) = reference.mass_kg {

@@ -4,6 +4,7 @@ use case::Role;
 use coupling::interface::CanopyInterface;
 use effects::TABLE;
 use results::finding::Finding;
+use results::run_state::RunState;
 use serde_json::Value;
 
 use super::data::{Run, number, text};
@@ -18,6 +19,7 @@ pub(super) fn section(run: &Run) -> Section {
     rows.push(("started (UTC)".into(), text(summary, "started_utc").into()));
     rows.push(("command".into(), command(summary)));
     rows.push(("version".into(), version(summary)));
+    rows.push(("commit of the programs".into(), text(summary, "commit").into()));
     rows.push(("machine".into(), machine(summary)));
     rows.push(("ranks".into(), ranks(run)));
     if let (Ok(interface), true) = (CanopyInterface::new(scene), scene.has_canopy()) {
@@ -50,7 +52,7 @@ pub(super) fn section(run: &Run) -> Section {
 }
 
 /// The command of the run; empty if the summary does not contain it.
-fn command(summary: Option<&Value>) -> String {
+pub(super) fn command(summary: Option<&Value>) -> String {
     let words = summary.and_then(|s| s.get("command")).and_then(Value::as_array);
     let words: Vec<&str> = words.into_iter().flatten().filter_map(Value::as_str).collect();
     // The folder of the program is omitted: it does not affect the results.
@@ -58,7 +60,7 @@ fn command(summary: Option<&Value>) -> String {
     program.into_iter().chain(words.iter().skip(1).copied()).collect::<Vec<_>>().join(" ")
 }
 
-fn version(summary: Option<&Value>) -> String {
+pub(super) fn version(summary: Option<&Value>) -> String {
     let version = text(summary, "version");
     if version.is_empty() {
         return String::new();
@@ -67,7 +69,7 @@ fn version(summary: Option<&Value>) -> String {
     format!("ripstop {version}{contract}")
 }
 
-fn machine(summary: Option<&Value>) -> String {
+pub(super) fn machine(summary: Option<&Value>) -> String {
     let machine = summary.and_then(|s| s.get("machine"));
     if machine.is_none() {
         return String::new();
@@ -79,7 +81,7 @@ fn machine(summary: Option<&Value>) -> String {
 }
 
 /// Ranks of each program: from the summary, else from the scene.
-fn ranks(run: &Run) -> String {
+pub(super) fn ranks(run: &Run) -> String {
     let ran = run.summary.as_ref().and_then(|s| s.get("ranks")).and_then(Value::as_array);
     let one = |(i, role): (usize, &Role)| {
         let ran = ran.and_then(|r| r.get(i)).and_then(Value::as_u64);
@@ -102,9 +104,8 @@ pub(super) fn kind(kind: case::StageKind) -> &'static str {
 /// Warnings of the inspection, the coupler and the programs; windows that did not converge or were rejected.
 pub(super) fn warnings(run: &Run) -> Vec<String> {
     let mut found = Vec::new();
-    let ended = text(run.summary.as_ref(), "ended");
-    if !ended.is_empty() && ended != "complete" {
-        found.push(format!("the run ended early: {ended}"));
+    if let RunState::Interrupted(how) | RunState::Failed(how) = &run.state {
+        found.push(format!("the run ended early: {how}"));
     }
     let inspection = run.summary.as_ref().and_then(|s| s.get("inspection")).cloned().unwrap_or_default();
     // Summaries of earlier versions have no inspection.

@@ -9,7 +9,8 @@ use flate2::write::ZlibEncoder;
 use mesh::Point;
 use serde_json::{Value, json};
 
-use super::frames::{FIELDS, Frame, StageFrames};
+use super::frames::{FIELDS, Field, Frame, StageFrames};
+use super::payload::Pose;
 use super::shape::Shape;
 
 /// Encoded shapes and fields of the canopy.
@@ -25,12 +26,17 @@ pub(super) struct Packed {
 /// Share of the values outside the colour scale at either end, so that outliers do not set its range.
 const CUT: f64 = 0.005;
 
-/// Encodes the stages that have the mesh of the last stage.
-pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
+/// Lengths of the sides of a payload without a size, relative to the largest extent of the view.
+const SYMBOL: f64 = 0.03;
+
+/// Encodes the stages that have the mesh of the last stage. `payload_m`: lengths of the sides of the payload, if it is a body.
+pub(super) fn pack(stages: &[StageFrames], payload_m: Option<[f64; 3]>) -> Option<Packed> {
     let shape = &stages.last()?.shape;
     let stages: Vec<&StageFrames> =
         stages.iter().filter(|s| s.shape == *shape && !s.frames.is_empty()).collect();
-    let (origin, extent) = bounds(&stages);
+    // Half of the diagonal of a body, which may turn.
+    let reach = payload_m.map_or(0.0, |s| 0.5 * s.iter().map(|side| side * side).sum::<f64>().sqrt());
+    let (origin, extent) = bounds(&stages, reach);
     let mut bytes = Vec::new();
     let mut index = |n: u32| bytes.extend(n.to_le_bytes());
     shape.triangles.iter().flatten().for_each(|&n| index(n));
@@ -56,20 +62,18 @@ pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
             before = Some((positions, fields));
         }
         let times: Vec<f64> = stage.frames.iter().map(|f| (f.time * 1e6).round() / 1e6).collect();
-        described.push(json!({ "name": stage.stage, "times": times, "ranges": ranges }));
+        let poses: Option<Vec<[f64; 7]>> =
+            stage.frames.iter().map(|f| f.payload.map(Pose::numbers)).collect();
+        described.push(json!({ "name": stage.stage, "times": times, "ranges": ranges, "payload": poses }));
     }
     let mut encoder = ZlibEncoder::new(Vec::new(), Compression::best());
     let deflated = encoder.write_all(&bytes).and_then(|()| encoder.finish()).ok()?;
-    let fields: Vec<Value> = FIELDS
-        .iter()
-        .map(|f| {
-            let kind = if f.states() { "states" } else { "scale" };
-            json!({ "label": f.label, "unit": f.unit, "kind": kind, "note": f.note })
-        })
-        .collect();
+    let largest = extent.iter().copied().fold(0.0, f64::max);
+    let size = payload_m.unwrap_or([SYMBOL * largest; 3]);
     let header = json!({
+        "payload": { "size": size },
         "nodes": shape.nodes, "triangles": shape.triangles.len(), "hem": shape.hem.len(),
-        "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields, "stages": described,
+        "cables": shape.cables.len(), "origin": origin, "extent": extent, "fields": fields(), "stages": described,
     });
     let counts: Vec<String> = stages
         .iter()
@@ -82,18 +86,32 @@ pub(super) fn pack(stages: &[StageFrames]) -> Option<Packed> {
         counts.join(", "),
         bytes.len() as f64 / 1e6,
         data.len() as f64 / 1e6,
-        extent.iter().copied().fold(0.0, f64::max) / 65535.0 * 1e3
+        largest / 65535.0 * 1e3
     );
     Some(Packed { header, data, note })
 }
 
-fn bounds(stages: &[&StageFrames]) -> (Point, Point) {
+/// Names and units of the fields.
+fn fields() -> Vec<Value> {
+    let field = |f: &Field| {
+        let kind = if f.states() { "states" } else { "scale" };
+        json!({ "label": f.label, "unit": f.unit, "kind": kind, "note": f.note })
+    };
+    FIELDS.iter().map(field).collect()
+}
+
+/// Corner and extent of all shapes, with `reach` (m) around the payload.
+fn bounds(stages: &[&StageFrames], reach: f64) -> (Point, Point) {
     let (mut low, mut high) = ([f64::MAX; 3], [f64::MIN; 3]);
-    for p in stages.iter().flat_map(|s| &s.frames).flat_map(|f| &f.points) {
+    let mut include = |p: &Point, around: f64| {
         for c in 0..3 {
-            low[c] = low[c].min(p[c]);
-            high[c] = high[c].max(p[c]);
+            low[c] = low[c].min(p[c] - around);
+            high[c] = high[c].max(p[c] + around);
         }
+    };
+    for frame in stages.iter().flat_map(|s| &s.frames) {
+        frame.points.iter().for_each(|p| include(p, 0.0));
+        frame.payload.iter().for_each(|payload| include(&payload.place(), reach));
     }
     // A flat sheet has no extent in one direction.
     (low, [0, 1, 2].map(|c| (high[c] - low[c]).max(1e-9)))

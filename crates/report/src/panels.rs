@@ -183,8 +183,8 @@ pub(super) fn charts(panels: &[Panel], columns: &Columns, prefix: &str) -> Vec<C
             unit: panel.unit,
             note: panel.note.into(),
             series,
-            references: Vec::new(),
             logarithmic: panel.logarithmic,
+            ..Chart::default()
         };
         if !chart.is_empty() {
             out.push(chart);

@@ -1,11 +1,12 @@
 //! The sections of a stage: its curves and statistics, from the history and the snapshots.
 
-use case::WatchedForce;
+use case::{Role, WatchedForce};
 use figures::plot;
 use results::forced_oscillation::{Derivatives, ForcedOscillation};
 use results::long_term::METHOD;
 use results::pendulum::PendulumSwing;
 use results::settled::QUANTITIES;
+use terminal::counted;
 
 use super::bars::Bars;
 use super::chart::{Chart, Series, digits};
@@ -13,7 +14,10 @@ use super::data::{Columns, Run, StageData};
 use super::document::{Block, Section, Table, coupled};
 use super::frames::{Measure, StageFrames};
 use super::panels::{MOTION, SOLVERS, charts};
-use super::{facts, opening_loads, origin};
+use super::{facts, opening_loads, origin, payload};
+
+/// Windows of a settled mean.
+const MIN_WINDOWS: usize = 40;
 
 /// Whether the equations of the stage give the speed of the frame.
 fn falls(run: &Run, kind: case::StageKind) -> bool {
@@ -39,28 +43,14 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         };
         chart.note = format!("Force of the air on {} along {along}.", watched.name());
     }
-    for chart in &mut found {
-        match chart.title.as_str() {
-            "Descent speed" => {
-                let published = plot::published(run.scene()).iter();
-                let published =
-                    published.filter(|_| coupled(described.kind) && facts::not_comparable(stage).is_none());
-                chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
-            }
-            "Drag" => {
-                chart.references =
-                    facts::weight(run).map(|w| (w, format!("weight {}", digits(w)))).into_iter().collect();
-                omit_transient(chart);
-            }
-            _ => omit_transient(chart),
-        }
-    }
+    refer(run, stage, &mut found);
+    found.extend(payload::charts(stage, &id));
     found.extend(points(&stage.points, &id));
     if let Some(frames) = frames {
         found.extend(from_snapshots(&frames.measures, &id));
     }
     let mut blocks = vec![Block::Charts(found), Block::Table(table(stage))];
-    if coupled(described.kind)
+    if described.kind.roles().contains(&Role::Flow)
         && let Some(table) = long_term_table(stage)
     {
         blocks.push(Block::Text(format!("Settled means. Method: {METHOD}. The main period is the peak of the periodogram, given if it carries at \
@@ -82,6 +72,27 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
         title: format!("Stage {name}"),
         lead: format!("{}: {}.", capital(origin::kind(described.kind)), facts::progress(run, stage)),
         blocks,
+    }
+}
+
+/// Adds published values and the weight, and leaves out what exceeds the scale of the rest.
+fn refer(run: &Run, stage: &StageData, found: &mut [Chart]) {
+    let described = run.stage(stage);
+    for chart in found {
+        match chart.title.as_str() {
+            "Descent speed" => {
+                let published = plot::published(run.scene()).iter();
+                let published =
+                    published.filter(|_| coupled(described.kind) && facts::not_comparable(stage).is_none());
+                chart.references = published.map(|(v, n)| (*v, format!("{n} {v}"))).collect();
+            }
+            "Drag" => {
+                chart.references =
+                    facts::weight(run).map(|w| (w, format!("weight {}", digits(w)))).into_iter().collect();
+                omit_transient(chart);
+            }
+            _ => omit_transient(chart),
+        }
     }
 }
 
@@ -111,7 +122,7 @@ pub(super) fn anchor(name: &str) -> String {
 
 /// Omits the first 5 % of the curves if its range is more than five times that of the rest, so that the rest
 /// stays readable. The caption says so.
-fn omit_transient(chart: &mut Chart) {
+pub(super) fn omit_transient(chart: &mut Chart) {
     let span = |points: &[(f64, f64)]| {
         let finite = points.iter().map(|p| p.1).filter(|v| v.is_finite());
         let (low, high) = finite.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -377,6 +388,15 @@ fn table(stage: &StageData) -> Table {
     }
     let head =
         ["", "start", "end", "minimum", "maximum", "mean of the last half", "standard deviation there"];
-    let caption = "Values at the accepted windows of the stage; units in the first column.".into();
+    let windows = stage.columns.rows();
+    let sure = if windows < MIN_WINDOWS {
+        "The means have no confidence interval: a settled mean needs 40 windows."
+    } else {
+        "How sure a mean is states the table of the settled means, where there is one."
+    };
+    let caption = format!(
+        "Values at the {} of the stage; units in the first column. {sure}",
+        counted(windows as u64, "accepted window")
+    );
     Table { caption, head: head.map(str::to_owned).to_vec(), rows }
 }

@@ -28,7 +28,7 @@ const FALL: &str = "window,time_s,descent_speed_m_s,drag_n,coupling_iterations,c
                     0,0.005,4.01,50,5,1e-3,1\n1,0.01,4.02,51,7,6e-3,0\n2,0.015,4.0";
 
 fn page(folder: &Path) -> String {
-    html::page(&document::document(&Run::open(folder).unwrap(), 1_000_000).unwrap())
+    html::page(&document::document(&Run::open(folder).unwrap(), 1_000_000).unwrap(), None)
 }
 
 fn refusal(folder: &Path) -> String {
@@ -200,7 +200,7 @@ fn canopy_is_measured_and_encoded_correctly() {
     assert!((frames.measures[0].states.iter().sum::<f64>() - 1.0).abs() < 1e-12);
 
     // Decoded as by the viewer.
-    let packed = super::pack::pack(&[frames]).unwrap();
+    let packed = super::pack::pack(&[frames], None).unwrap();
     use base64::Engine;
     use std::io::Read;
     let deflated = base64::engine::general_purpose::STANDARD.decode(&packed.data).unwrap();
@@ -220,6 +220,118 @@ fn canopy_is_measured_and_encoded_correctly() {
         let x = -3.0 + 8.0 * f64::from(place) / 65535.0;
         assert!((x - expected).abs() < 8.0 / 65535.0, "{x}");
     }
+}
+
+/// A run of the small descent with `rows` windows of `speed(t)`, and its scene with `change` made.
+fn descent(rows: u32, [old, new]: [&str; 2], speed: impl Fn(f64) -> f64) -> tempfile::TempDir {
+    let run = folder(&[]);
+    assert!(SCENE.contains(old));
+    std::fs::write(run.path().join("scene.toml"), SCENE.replace(old, new)).unwrap();
+    let mut text = String::from("window,time_s,descent_speed_m_s,drag_n,window_wall_s\n");
+    for i in 1..=rows {
+        let t = 0.1 * f64::from(i);
+        text += &format!("{i},{t},{},{},0.5\n", speed(t), 50.0 + (3.0 * t).sin());
+    }
+    std::fs::create_dir_all(run.path().join("descent")).unwrap();
+    std::fs::write(run.path().join("descent").join("history.csv"), text).unwrap();
+    run
+}
+
+/// Speeds 0.5 m/s apart with the same small swing, and drags that are the same.
+#[test]
+fn comparison_has_names_differences_intervals_and_differing_keys() {
+    let swing = |t: f64| 0.1 * (3.0 * t).sin();
+    let same = ["payload_mass_kg = 5.0"; 2];
+    let first = descent(800, same, |t| 4.0 + swing(t));
+    let second = descent(800, [same[0], "payload_mass_kg = 6.5"], |t| 4.5 + swing(t));
+    let folders = [&first, &second].map(|f| f.path().to_owned());
+    let document = super::comparison::document(&folders).unwrap();
+    let page = html::page(&document, None);
+    let names = folders.each_ref().map(|f| f.file_name().unwrap().to_string_lossy().into_owned());
+    for part in [
+        names[0].as_str(),
+        names[1].as_str(),
+        "descent.payload_mass_kg</th><td>5.0</td><td>6.5",
+        "(+12.50 %); the intervals do not overlap",
+        "(+0.00 %); the intervals overlap",
+        "Drag, N",
+        "0.5000 s",
+        "no warnings",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    // Each chart has a curve of each run.
+    let curves = page.matches(&format!("data-label=\"{}\"", names[1])).count();
+    assert!(curves >= 2 && curves == page.matches(&format!("data-label=\"{}\"", names[0])).count());
+    for found in page.split("src=\"").skip(1).chain(page.split("href=\"").skip(1)) {
+        assert!(found.starts_with("data:") || found.starts_with('#'), "{}", &found[..40.min(found.len())]);
+    }
+    let out = first.path().join("comparison.md");
+    markdown::write(&document, &out).unwrap();
+    assert!(std::fs::read_to_string(&out).unwrap().contains("the intervals do not overlap"));
+}
+
+/// 20 windows have no settled mean: the difference is not judged.
+#[test]
+fn comparison_of_short_runs_judges_nothing() {
+    let same = ["payload_mass_kg = 5.0"; 2];
+    let [a, b] = [4.0, 5.0].map(|v| descent(20, same, move |t| v + 0.1 * t));
+    let page = html::page(&super::comparison::document(&[a.path().into(), b.path().into()]).unwrap(), None);
+    assert!(
+        page.contains("no interval)") && page.contains("fewer than 40 windows") && !page.contains("overlap<")
+    );
+    assert!(page.contains("All scenes have the same values."));
+}
+
+#[test]
+fn page_of_a_running_run_reloads_itself_and_the_last_one_does_not() {
+    let run = folder(&[("descent", FALL)]);
+    let document = document::document(&Run::open(run.path()).unwrap(), 1_000_000).unwrap();
+    assert!(html::page(&document, Some(7)).contains("<body data-reload=\"7\">"));
+    assert!(
+        !html::page(&document, None).contains("data-reload=")
+            && !page(run.path()).contains("http-equiv=\"refresh")
+    );
+    let _lock = results::lock::lock(run.path()).unwrap();
+    assert!(page(run.path()).contains("The run continues"));
+}
+
+/// The 3-D view is the first section, before the key figures, and has the payload at the end of the lines.
+#[test]
+fn view_is_first_and_has_the_payload() {
+    let run = folder(&[("pre-inflation", STRUCTURE)]);
+    shapes(&run.path().join("pre-inflation"));
+    let page = page(run.path());
+    let at = |part: &str| page.find(part).unwrap_or_else(|| panic!("{part}"));
+    assert!(at("<section id=\"canopy-section\">") < at("<div class=\"cards\">"));
+    assert!(at("<div class=\"cards\">") < at("<section id=\"stage-pre-inflation\">"));
+    assert!(
+        page.contains("\"payload\":{\"size\":[") && page.contains("\"payload\":[[0.0,0.0,-"),
+        "{}",
+        &page[at("canopy-data")..][..400]
+    );
+}
+
+/// A payload that moves as a body, in a frame that drifts.
+#[test]
+fn motion_of_the_payload_and_trajectory_have_charts() {
+    let history = "window,time_s,descent_speed_m_s,frame_x_m,frame_y_m,frame_z_m\n\
+                   0,0.005,4,0.1,0.2,-0.4\n1,0.01,4,0.3,0.1,-0.8\n2,0.015,4,0.2,0.3,-1.2\n";
+    let run = folder(&[("descent", history)]);
+    let motion = "time_s,x_m,tilt_rad,rate_z_rad_s\n0.005,0.1,0.5,1\n0.01,0.2,0.6,2\n0.015,0.1,0.7,3\n";
+    std::fs::write(run.path().join("descent").join("payload.csv"), motion).unwrap();
+    let page = page(run.path());
+    for part in [
+        "Tilt of the payload, deg",
+        "between 28.65 and 40.11 deg",
+        "Angular velocity of the payload, deg/s",
+        "Position of the payload in the frame, m",
+        "Trajectory from above: y, m",
+        "Trajectory from the side: height, m",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
+    assert!(!page.contains("Velocity of the payload in the frame"), "a chart without its columns");
 }
 
 #[test]

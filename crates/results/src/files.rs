@@ -38,7 +38,18 @@ pub const RUN: &[ResultFile] = &[
         "end of each stage and of the run",
         "Summary of the run, JSON; fields below.",
     ),
-    file("ripstop.log", COUPLER, "during the run", "All lines on the terminal with the time of each, text."),
+    file(
+        "progress.json",
+        COUPLER,
+        "start of each stage, then at most twice a second",
+        "Stage, window, time, ETA, JSON; fields below. `ripstop watch` reads it.",
+    ),
+    file(
+        "ripstop.log",
+        COUPLER,
+        "during the run",
+        "All lines on the terminal with time and level (`info`, `warning`, `error`) of each, text.",
+    ),
     file(
         "resume.json",
         COUPLER,
@@ -192,6 +203,18 @@ pub const OTHER: &[ResultFile] = &[
         "report.md",
         "ripstop report",
         "`ripstop report RUN --markdown`",
+        "The same as Markdown, with figures.",
+    ),
+    file(
+        "comparison.html",
+        "ripstop report",
+        "`ripstop report RUN1 RUN2 ...`",
+        "Comparison of runs, one HTML page, in the first of them.",
+    ),
+    file(
+        "comparison.md",
+        "ripstop report",
+        "`ripstop report RUN1 RUN2 ... --markdown`",
         "The same as Markdown, with figures.",
     ),
     file("pictures/canopy.png", "ripstop picture", "`ripstop picture RUN`", "Canopy, PNG."),

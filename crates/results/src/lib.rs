@@ -7,8 +7,10 @@
 pub mod checkpoint;
 pub mod columns;
 pub mod diff;
+pub mod eta;
 pub mod files;
 pub mod finding;
+pub mod follow;
 pub mod forced_oscillation;
 pub mod history;
 pub mod lock;
@@ -22,6 +24,7 @@ pub mod progress;
 pub mod provenance;
 pub mod recording;
 mod row_file;
+pub mod run_state;
 pub mod settled;
 pub mod state;
 pub mod strength;

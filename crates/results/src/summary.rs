@@ -453,8 +453,12 @@ pub struct RunSummary {
     pub scene: String,
     /// `complete`, `running` (also of a run that was killed), or the reason of an early end.
     pub ended: String,
+    /// Exit code of the run; `None` while it is running and after it was killed.
+    pub exit_code: Option<u8>,
     /// Version of `ripstop`.
     pub version: &'static str,
+    /// Commit of the sources of the programs, with a note if sources were changed since; `unknown` outside the repository.
+    pub commit: String,
     /// Start time, UTC.
     pub started_utc: String,
     /// The command line.
@@ -484,8 +488,8 @@ impl RunSummary {
     /// The file cannot be written.
     pub fn write(&self, out: &Path) -> Result<(), RunError> {
         let path = out.join("summary.json");
-        let text = serde_json::to_string_pretty(self).unwrap_or_default();
-        std::fs::write(&path, text + "\n").map_err(RunError::file("write", path))
+        let text = serde_json::to_string_pretty(self).unwrap_or_default() + "\n";
+        archive::write_whole(&path, &[text.as_bytes()]).map_err(RunError::file("write", path))
     }
 
     /// The smallest safety factor of each part in words; none where the scene has no strength.

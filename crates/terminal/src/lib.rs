@@ -1,6 +1,8 @@
 //! Console output of a run: lines of all programs, warnings, log.
 
 mod count;
+pub mod plot;
+pub mod screen;
 pub mod shell;
 mod time;
 
@@ -29,7 +31,7 @@ pub use time::{clock, utc_now};
 /// let console = Console::new(true);
 /// console.log_to(&path, false)?;
 /// console.line("stage 1 of 3: pre-inflation");
-/// assert!(std::fs::read_to_string(&path)?.ends_with(" stage 1 of 3: pre-inflation\n"));
+/// assert!(std::fs::read_to_string(&path)?.ends_with(" info    stage 1 of 3: pre-inflation\n"));
 /// # Ok::<(), std::io::Error>(())
 /// ```
 #[derive(Clone, Default)]
@@ -79,7 +81,7 @@ impl Console {
         }
     }
 
-    /// Writes every line to `path` too, with the time, including lines that `quiet` suppresses. `resumed`: appends
+    /// Writes every line to `path` too, with time and level (`info`, `warning`, `error`), including lines that `quiet` suppresses. `resumed`: appends
     /// to the file.
     ///
     /// # Errors
@@ -92,13 +94,17 @@ impl Console {
         Ok(())
     }
 
-    /// Writes a line to the log only.
+    /// Writes a line to the log only, at level `info`.
     pub fn note(&self, text: &str) {
+        self.log("info", text);
+    }
+
+    fn log(&self, level: &str, text: &str) {
         if let Ok(mut log) = self.log.lock()
             && let Some(file) = log.as_mut()
         {
             // An error is ignored: a full disk ends the run when results are written.
-            let _ = writeln!(file, "{} {text}", utc_now());
+            let _ = writeln!(file, "{} {level:<7} {text}", utc_now());
         }
     }
 
@@ -106,6 +112,15 @@ impl Console {
     pub fn line(&self, text: &str) {
         self.note(text);
         self.print(text);
+    }
+
+    /// Prints a result on standard output unless quiet, and writes it to the log. The progress line must have ended.
+    pub fn result(&self, text: &str) {
+        self.note(text);
+        if !self.quiet {
+            // A closed pipe must not end the run.
+            drop(writeln!(std::io::stdout(), "{text}"));
+        }
     }
 
     fn print(&self, text: &str) {
@@ -138,7 +153,7 @@ impl Console {
 
     /// Prints the error of a failed run, also when quiet.
     pub fn error(&self, text: &str) {
-        self.note(&format!("error: {text}"));
+        self.log("error", text);
         let head = if self.colour { "\x1b[1;31merror\x1b[0m" } else { "error" };
         drop(writeln!(std::io::stderr(), "{head}: {text}"));
     }
@@ -168,7 +183,7 @@ impl Console {
 
     /// Prints a warning without storing it: the summary contains the findings of the inspection separately.
     pub fn caution(&self, text: &str) {
-        self.note(&format!("warning: {text}"));
+        self.log("warning", text);
         if self.colour {
             self.print(&format!("\x1b[33mwarning\x1b[0m: {text}"));
         } else {
@@ -196,7 +211,11 @@ mod tests {
         let text = std::fs::read_to_string(&path).expect("a log");
         // A date and a time of 19 letters come first.
         let lines: Vec<&str> = text.lines().map(|l| &l[20..]).collect();
-        assert_eq!(lines, ["stage `one`", "warning: it jumps", "     flow | a word", "continued"], "{text}");
+        assert_eq!(
+            lines,
+            ["info    stage `one`", "warning it jumps", "info         flow | a word", "info    continued"],
+            "{text}"
+        );
         console.log_to(&path, false).expect("a new log");
         assert!(std::fs::read_to_string(&path).expect("a log").is_empty());
     }

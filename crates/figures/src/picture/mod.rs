@@ -94,7 +94,7 @@ pub fn picture(args: &PictureArgs, console: &Console) -> Result<(), RunError> {
     let save = |image: Image, file: &str, what: String| -> Result<(), RunError> {
         let path = out.join(file);
         image.save(&path)?;
-        console.line(&format!("{}: {what}", path.display()));
+        console.result(&format!("{}: {what}", path.display()));
         Ok(())
     };
 
@@ -148,7 +148,7 @@ fn animation(args: &PictureArgs, results: &RunSnapshots, console: &Console) -> R
     folder.map_or(Ok(()), |f| std::fs::create_dir_all(f).map_err(RunError::file("create", f)))?;
     std::fs::write(&path, &bytes).map_err(RunError::file("write", &path))?;
     let kilobytes = bytes.len() / 1000;
-    console.line(&format!("{}: {frames} frames, {} per second, {kilobytes} kB", path.display(), args.fps));
+    console.result(&format!("{}: {frames} frames, {} per second, {kilobytes} kB", path.display(), args.fps));
     Ok(())
 }
 

@@ -1,7 +1,7 @@
 // Interactive 3-D view of the canopy over time. Reads the data in the page.
 import {
-    AmbientLight, BufferAttribute, BufferGeometry, Color, ColorManagement, DirectionalLight, DoubleSide,
-    LinearSRGBColorSpace, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera,
+    AmbientLight, BoxGeometry, BufferAttribute, BufferGeometry, Color, ColorManagement, DirectionalLight, DoubleSide,
+    EdgesGeometry, Group, LinearSRGBColorSpace, LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, PerspectiveCamera,
     Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
 } from "three";
 import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
@@ -65,6 +65,15 @@ class Viewer {
         this.edges.material.opacity = 0.25;
         this.edges.visible = false;
         this.scene.add(this.fabric, this.hem, this.cables, this.edges);
+        this.payload = new Group();
+        this.outlines = [this.hem, this.cables, this.edges];
+        if (header.payload) {
+            const box = new BoxGeometry(...header.payload.size);
+            const sides = new LineSegments(new EdgesGeometry(box), new LineBasicMaterial());
+            this.payload.add(new Mesh(box, new MeshLambertMaterial({ color: 0x9aa4ae })), sides);
+            this.outlines.push(sides);
+        }
+        this.scene.add(this.payload);
         this.points = new Float32Array(3 * header.nodes);
         this.normals = new Float32Array(3 * header.nodes);
         this.smooth = new Float32Array(header.nodes);
@@ -85,7 +94,7 @@ class Viewer {
         on("time", "input", (e) => { this.pause(); this.show(Number(e.target.value)); });
         on("play", "click", () => (this.playing ? this.pause() : this.play()));
         on("reset", "click", () => this.reset());
-        on("lines", "change", (e) => { this.cables.visible = e.target.checked; this.render(); });
+        on("lines", "change", (e) => { this.cables.visible = e.target.checked; this.show(this.frame); });
         on("mesh", "change", (e) => { this.edges.visible = e.target.checked; this.show(this.frame); });
         this.canvas.addEventListener("pointermove", (e) => this.probe(e));
         this.canvas.addEventListener("pointerleave", () => { this.find("value").textContent = ""; });
@@ -98,7 +107,7 @@ class Viewer {
     ink() {
         const style = getComputedStyle(this.root);
         const ink = new Color(style.getPropertyValue("--ink").trim() || "#222");
-        for (const lines of [this.hem, this.cables, this.edges]) lines.material.color = ink;
+        for (const lines of this.outlines) lines.material.color = ink;
     }
 
     resize() {
@@ -182,6 +191,13 @@ class Viewer {
         gather(this.fabric, triangles);
         gather(this.hem, hem);
         gather(this.cables, cables);
+        // Place and attitude (a quaternion, scalar part last) of the payload, shown with its lines.
+        const pose = stage.payload?.[frame];
+        this.payload.visible = Boolean(pose) && this.cables.visible;
+        if (pose) {
+            this.payload.position.set(...pose.slice(0, 3));
+            this.payload.quaternion.set(...pose.slice(3));
+        }
         if (this.edges.visible) this.outline();
         this.shade();
         this.paint();
