@@ -329,13 +329,7 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Accuracy(args) => {
             compared(studies::accuracy::accuracy(&args, &*signals::stop_flag()?, console)?)
         }
-        Command::Sweep(args) => {
-            let stop = signals::stop_flag()?;
-            let load = |set: &[String]| scene_with(&args.scene, set);
-            let (text, failed) = studies::sweep::sweep(&args, &load, &stop, console)?;
-            print(&text);
-            failed.map_or(Ok(()), Err)
-        }
+        Command::Sweep(args) => sweep(&args, console),
         Command::Export(args) => export::export(&args, console),
         Command::Regression(args) => regression(&args, console),
         Command::Diff(args) => compared(crate::diff_command::diff(&args)?),
@@ -373,6 +367,15 @@ fn execute(command: Command, console: &Console) -> Result<(), RunError> {
         Command::Report(args) => report::report(&args, console),
         Command::Statistics(args) => printed(crate::statistics_command::statistics(&args)),
     }
+}
+
+/// Runs a sweep. Its table is printed also where no run is complete.
+fn sweep(args: &studies::sweep::SweepArgs, console: &Console) -> Result<(), RunError> {
+    let stop = signals::stop_flag()?;
+    let load = |set: &[String]| scene_with(&args.scene, set);
+    let (text, failed) = studies::sweep::sweep(args, &load, &stop, console)?;
+    print(&text);
+    failed.map_or(Ok(()), Err)
 }
 
 /// Prints the text of a command.

@@ -23,6 +23,24 @@ const USERS: &[(&str, &str, &str)] = &[
         "programs that replace a solver",
         "Path of the program `ripstop`, instead of the one on `PATH`.",
     ),
+    ("RIPSTOP_SCENE", "solvers behind preCICE", "Scene of the run. The bridge sets it."),
+    ("RIPSTOP_STAGE", "solvers behind preCICE", "Number of the stage, from 0. The bridge sets it."),
+    ("RIPSTOP_OUT", "solvers behind preCICE", "Folder of the results. The bridge sets it."),
+    (
+        "RIPSTOP_PRECICE_CONFIG",
+        "solvers behind preCICE",
+        "Configuration of preCICE for this stage. The bridge sets it.",
+    ),
+    (
+        "RIPSTOP_STATE",
+        "solvers behind preCICE",
+        "Folder with the files that the solver saved earlier; empty where it starts from rest. The bridge sets it.",
+    ),
+    (
+        "RIPSTOP_SAVE",
+        "solvers behind preCICE",
+        "Folder into which the solver writes the files that it needs to continue. The bridge sets it.",
+    ),
     ("NO_COLOR", "ripstop", "If set, output on the terminal has no colours."),
 ];
 
@@ -95,7 +113,10 @@ fn collect(folder: &Path, found: &mut BTreeSet<String>) {
         for (at, _) in text.match_indices("RIPSTOP_") {
             let end =
                 text[at..].find(|c: char| !c.is_ascii_uppercase() && c != '_').unwrap_or(text.len() - at);
-            found.insert(text[at..at + end].to_owned());
+            // The prefix alone is part of code that makes names.
+            if end > "RIPSTOP_".len() {
+                found.insert(text[at..at + end].to_owned());
+            }
         }
     }
 }
