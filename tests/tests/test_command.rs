@@ -210,7 +210,7 @@ fn suites_are_reported_as_by_cargo() {
     let artifact = |package: &str, kind: &str, name: &str, source: &str, executable: &str, test: bool| {
         format!(
             "{{\"reason\":\"compiler-artifact\",\"package_id\":\"path+file://{place}/{package}\",\"manifest_path\":\"{place}/Cargo.toml\",\"target\":\
-             {{\"kind\":[\"{kind}\"],\"crate_types\":[\"bin\"],\"name\":\"{name}\",\"src_path\":\"{place}/{source}\"}},\
+             {{\"kind\":[\"{kind}\"],\"crate_types\":[\"bin\"],\"name\":\"{name}\",\"src_path\":\"{place}/{source}\",\"test\":true}},\
              \"profile\":{{\"test\":{test}}},\"executable\":\"{executable}\"}}\n"
         )
     };
