@@ -119,7 +119,7 @@ fn compare(found: &History, expected: &History, tolerance: f64) {
 
 /// Packages in Rust and a run of all three on one process each, which the other languages are compared with.
 struct RustRun {
-    folder: tempfile::TempDir,
+    folder: PathBuf,
     programs: [String; 3],
     history: History,
 }
@@ -128,9 +128,12 @@ struct RustRun {
 fn rust_run() -> &'static RustRun {
     static RUN: OnceLock<RustRun> = OnceLock::new();
     RUN.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a folder");
-        let programs = ROLES.map(|role| text(rust(folder.path(), role)));
-        let history = together(&folder.path().join("one"), &programs, &[]);
+        // A folder of the build, as nothing removes what a static value holds.
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("participants");
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let programs = ROLES.map(|role| text(rust(&folder, role)));
+        let history = together(&folder.join("one"), &programs, &[]);
         RustRun { folder, programs, history }
     })
 }
@@ -141,8 +144,7 @@ fn text(path: PathBuf) -> String {
 
 #[test]
 fn packages_in_rust_conform_and_run_together() {
-    let RustRun { folder, programs, history } = rust_run();
-    let at = folder.path();
+    let RustRun { folder: at, programs, history } = rust_run();
     // All three at once, on one and on two processes of flow and mesh: the same results.
     let two = together(&at.join("two"), programs, &["--ranks", "flow=2,mesh=2"]);
     assert_eq!(history.column("descent_speed_m_s"), two.column("descent_speed_m_s"));
