@@ -70,7 +70,7 @@ pub fn number(value: f64, step: f64) -> String {
 /// let lines = terminal::plot::plot(&points, "s", 40, 5);
 /// assert_eq!(lines.len(), 6);
 /// assert!(lines[0].starts_with("     400 ┤") && lines[4].starts_with("       0 ┤"), "{lines:#?}");
-/// assert!(lines[5].ends_with("20.0 s") && lines.iter().all(|l| l.chars().count() <= 40));
+/// assert!(lines[5].ends_with("20.00 s") && lines.iter().all(|l| l.chars().count() <= 40));
 /// ```
 pub fn plot(points: &[(f64, f64)], unit: &str, columns: usize, rows: usize) -> Vec<String> {
     let finite = || points.iter().filter(|p| p.0.is_finite() && p.1.is_finite());
