@@ -31,9 +31,10 @@ pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<Str
     }
     builder.add_named(payload_mass);
     if let Some(missing) = builder.group_without_curves() {
+        let have = parts.names_in(1);
         return Err(bad(format!(
             "has no curves in the physical group \"{missing}\", which [[canopy.cable]] names; its groups of curves are: {}",
-            parts.names_in(1).join(", ")
+            if have.is_empty() { "none".into() } else { have.join(", ") }
         )));
     }
     builder.name_sets();
