@@ -17,7 +17,7 @@ use terminal::Console;
 use crate::arguments::{mpirun, ranks, ratio, role, seconds};
 use crate::exit_codes::HELP as CODES;
 use crate::former_options;
-use crate::run::{BaselineOptions, RecordOptions, RunOptions, run};
+use crate::run::{BaselineOptions, LogLevel, RecordOptions, RunOptions, run};
 use crate::settings::{Setting, scene_with};
 use crate::signals;
 
@@ -223,6 +223,9 @@ struct RunArgs {
     /// Print the output of all programs, each line with its role (always written to their logs)
     #[arg(long, short, conflicts_with = "quiet")]
     verbose: bool,
+    /// What the programs write to their logs: what they compute (info), or each solve too (debug) [default: RIPSTOP_LOG, or info]
+    #[arg(long, value_name = "LEVEL")]
+    log_level: Option<LogLevel>,
     /// Record all messages of the programs in DIR, for `replay`, `diff`, `conform` and `--baseline`
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
@@ -254,6 +257,7 @@ impl RunArgs {
             resume: self.resume,
             checkpoint_every: self.checkpoint_every,
             deadline: Some(Duration::from_secs_f64(self.deadline)),
+            log_level: self.log_level,
             record: self.record.map(|folder| RecordOptions { folder, without_grid }),
             baseline: self.baseline.map(|folder| BaselineOptions {
                 folder,

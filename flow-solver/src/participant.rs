@@ -376,6 +376,26 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         self.announcement.clone()
     }
 
+    fn description(&self) -> Vec<String> {
+        let s = &self.solver;
+        let (cells, nodes) = self.totals;
+        let moves = if s.settings.moving { "moves with the canopy" } else { "is fixed" };
+        vec![
+            format!(
+                "fitted grid of {cells} cells and {nodes} nodes that {moves}; {} cells on this rank",
+                s.topology.n_owned
+            ),
+            format!(
+                "{:?}; {:?}; residual drop {:.1e}, in repeated solves of a window {:.1e}, at most {} iterations",
+                s.spatial.viscosity,
+                s.settings.method,
+                s.settings.residual_drop,
+                s.settings.repeated_drop,
+                s.settings.max_iterations
+            ),
+        ]
+    }
+
     fn output_rows(&self) -> Vec<u64> {
         self.solver.topology.canopy.owned().to_vec()
     }

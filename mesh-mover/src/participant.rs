@@ -439,6 +439,17 @@ impl Participant for MeshMover {
         }
     }
 
+    fn description(&self) -> Vec<String> {
+        let grid = &self.motion.grid;
+        let turning = if self.turns { ", turns with the canopy" } else { "" };
+        vec![format!(
+            "grid of {} nodes on this rank, {} of them on the canopy or bodies{turning}; {:?}",
+            self.now.grid.len() / 3,
+            grid.canopy.len(),
+            self.motion.limits()
+        )]
+    }
+
     fn output_rows(&self) -> Vec<u64> {
         self.motion.grid.nodes.owned().to_vec()
     }

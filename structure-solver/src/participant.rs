@@ -360,6 +360,27 @@ impl Participant for StructureSolver {
         }
     }
 
+    fn description(&self) -> Vec<String> {
+        let mesh = &self.mesh;
+        let model = &self.dynamics.system.model;
+        let method = match self.rest {
+            Some(tolerance) => format!("equilibrium to a residual of {tolerance:.1e} of the load"),
+            None => format!("time integration {:?}", self.scene.structure.integration),
+        };
+        vec![
+            format!(
+                "structure of {} nodes, {} faces, {} membrane elements, {} cable elements, {:.6} kg; {} nodes on this rank",
+                mesh.coords.len(),
+                mesh.faces.len(),
+                mesh.triangles.len(),
+                mesh.cables.len(),
+                self.dynamics.system.total_mass(),
+                model.n_owned()
+            ),
+            format!("{method}; starts {}", if self.from_rest { "at rest" } else { "from a saved state" }),
+        ]
+    }
+
     fn output_rows(&self) -> Vec<u64> {
         let canopy = |g: &&u64| **g < self.mesh.n_canopy as u64;
         self.dynamics.system.model.numbering.owned().iter().filter(canopy).copied().collect()

@@ -22,12 +22,14 @@ fn descent_is_complete_consistent_and_reproducible() {
     let folder = tempfile::tempdir().expect("a folder");
     let (a, b) = (folder.path().join("a"), folder.path().join("b"));
     let first = run_to_end(&scene("square-drop"), &a, &[]);
-    let second = run_to_end(&scene("square-drop"), &b, &[]);
+    let second = run_to_end(&scene("square-drop"), &b, &["--log-level", "debug"]);
     assert_eq!(first.without_wall_times(), second.without_wall_times(), "two runs differ");
     assert_eq!(
         History::read(&a, "pre-inflation").without_wall_times(),
         History::read(&b, "pre-inflation").without_wall_times()
     );
+
+    logs_say_what_programs_did(&a, &b, &first);
 
     // 0.1 s in windows of 5 ms.
     assert_eq!(first.len(), 20);
@@ -73,6 +75,30 @@ fn descent_is_complete_consistent_and_reproducible() {
 
     let series: Vec<_> = walk(&a).into_iter().filter(|f| f.extension().is_some_and(|e| e == "pvd")).collect();
     assert!(series.len() >= 2, "surface and volume series: {series:?}");
+}
+
+/// Demands that each program's log has what it computes and its totals, and with `debug` a line for each solve.
+fn logs_say_what_programs_did(plain: &Path, debug: &Path, history: &History) {
+    let read = |out: &Path, role: &str| {
+        let file = out.join("descent/logs").join(role).with_extension("log");
+        std::fs::read_to_string(file).expect("a log")
+    };
+    let solves: f64 = history.column("coupling_iterations").iter().sum();
+    let words = ["structure of ", "fitted grid of ", "grid of "];
+    for (role, word) in ["structure", "flow", "mesh"].iter().zip(words) {
+        let (plain, debug) = (read(plain, role), read(debug, role));
+        let lines = |log: &str, level: &str, word: &str| {
+            log.lines().filter(|l| l.contains(level) && l.contains(word)).count()
+        };
+        for log in [&plain, &debug] {
+            assert_eq!(lines(log, " info ", word), 1, "{role}: {log}");
+            assert_eq!(lines(log, " info ", "end: "), 1, "{role}: {log}");
+        }
+        assert_eq!(lines(&plain, " debug ", ""), 0, "{role}: {plain}");
+        assert!(plain.contains(&format!("end: {solves} solves in 20 accepted windows")), "{role}: {plain}");
+        assert_eq!(lines(&debug, " debug ", ", solve ") as f64, solves, "{role}: {debug}");
+        assert_eq!(lines(&debug, " debug ", " accepted"), 20, "{role}: {debug}");
+    }
 }
 
 fn walk(folder: &Path) -> Vec<PathBuf> {

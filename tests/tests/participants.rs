@@ -25,17 +25,27 @@ fn name(package: &Path) -> String {
     package.file_name().expect("a name").to_string_lossy().into_owned()
 }
 
-/// A package in Rust, built; its program. All packages share a target folder below that of this build.
+/// A package in Rust, built; its program. Crates that the repository has built need not be compiled again: the package gets its
+/// versions, its profile and, below its folder of builds, its flags.
 fn rust(folder: &Path, role: &str) -> PathBuf {
     let package = new(folder, role, "rust");
-    let target = program("ripstop").parent().expect("a folder").join("participants");
-    let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    build.args(["build", "--release", "--offline", "--manifest-path"]).arg(package.join("Cargo.toml"));
-    succeed({
-        build.env("CARGO_TARGET_DIR", &target).env_remove("RUSTFLAGS");
-        build
-    });
+    let target = program("ripstop").parent().and_then(Path::parent).expect("a folder").to_owned();
+    let text = |path: PathBuf| std::fs::read_to_string(path).expect("a file");
+    let workspace = text(root().join("Cargo.toml"));
+    let profile = workspace.find("[profile.release]").expect("the profile");
+    let own = text(package.join("Cargo.toml"));
+    std::fs::write(package.join("Cargo.toml"), format!("{own}\n{}", &workspace[profile..])).expect("written");
+    std::fs::copy(root().join("Cargo.lock"), package.join("Cargo.lock")).expect("copied");
+    build(&package, &target);
     target.join("release").join(name(&package))
+}
+
+/// Builds a package in Rust.
+fn build(package: &Path, target: &Path) {
+    let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    build.args(["build", "--release", "--offline"]).current_dir(package);
+    build.env("CARGO_TARGET_DIR", target).env_remove("RUSTFLAGS");
+    succeed(build);
 }
 
 /// A package in C++ or Fortran, built with the library of this build; its program.
@@ -170,6 +180,16 @@ fn packages_in_compiled_languages_conform_and_agree_with_rust() {
         skipped("there is no gfortran: the package in Fortran was not built");
     }
     compare(&history, &rust_run().history, 1e-8);
+}
+
+/// As a user builds it: in a folder of its own, without what the repository has built.
+#[test]
+#[ignore = "nightly: 2 minutes"]
+fn a_package_in_rust_builds_outside_the_repository() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let package = new(folder.path(), "flow", "rust");
+    build(&package, &package.join("target"));
+    assert!(package.join("target/release").join(name(&package)).exists());
 }
 
 #[test]

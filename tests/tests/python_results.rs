@@ -43,14 +43,24 @@ fn unit_tests_of_the_python_package_pass() {
     assert!(ran >= 50, "{text}");
 }
 
+/// The other notebooks run the scenes of tutorials that `tutorials.rs` tests.
 #[test]
+fn a_notebook_of_the_tutorials_runs() {
+    run_notebooks(&["read-results"]);
+}
+
+#[test]
+#[ignore = "nightly: 2 minutes"]
 fn notebooks_of_the_tutorials_run() {
+    run_notebooks(&["first-run", "read-results", "round-canopy"]);
+}
+
+fn run_notebooks(notebooks: &[&str]) {
     let Some(python) = python() else { return };
     let folder = tempfile::tempdir().expect("a folder");
-    let notebooks = ["first-run", "read-results", "round-canopy"];
     let path = |name: &str| root().join("docs/tutorials/notebooks").join(name).with_extension("ipynb");
     let mut runner = command(&python, folder.path());
-    runner.arg(root().join("python/tests/run_notebook.py")).args(notebooks.map(path));
+    runner.arg(root().join("python/tests/run_notebook.py")).args(notebooks.iter().map(|name| path(name)));
     let output = succeed(runner);
     let text = String::from_utf8_lossy(&output.stdout);
     for name in notebooks {

@@ -446,7 +446,10 @@ fn read(
                 }
                 continue;
             }
-            if let Ok(mut tail) = tail.lock() {
+            // What a program logs explains no failure.
+            if !channel::is_log_line(&line)
+                && let Ok(mut tail) = tail.lock()
+            {
                 tail.push(line.clone());
             }
             if let Some(show) = &show

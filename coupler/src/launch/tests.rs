@@ -42,7 +42,8 @@ fn failure_is_reported_with_its_cause_and_other_programs_end() {
     let folder = tempfile::tempdir().unwrap();
     let dir = folder.path();
     let note = dir.join("sleeper");
-    let dies = script(dir, "dies", "echo 'grid file is damaged' >&2; exit 3");
+    let dies =
+        script(dir, "dies", "echo '     0.010 s info  a grid'; echo 'grid file is damaged' >&2; exit 3");
     let sleeps = script(dir, "sleeps", &format!("echo $$ > {}; exec sleep 100", note.display()));
     let programs = vec![program(dir, Role::Structure, vec![sleeps]), program(dir, Role::Flow, vec![dies])];
     let mut supervisor = Supervisor::start(programs, "t1", &Console::new(true)).unwrap();
@@ -63,6 +64,7 @@ fn failure_is_reported_with_its_cause_and_other_programs_end() {
     assert!(!alive(&sleeper));
     let log = std::fs::read_to_string(dir.join("logs/flow.log")).unwrap();
     assert!(log.starts_with("$ ") && log.contains("grid file is damaged"), "{log}");
+    assert!(log.contains(" info  a grid"), "{log}");
 }
 
 #[test]

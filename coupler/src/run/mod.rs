@@ -28,7 +28,7 @@ use results::wake::Wake;
 use terminal::Console;
 
 pub(crate) use self::folder::copy_scene;
-pub use self::options::{BaselineOptions, RecordOptions, RunOptions};
+pub use self::options::{BaselineOptions, LogLevel, RecordOptions, RunOptions};
 pub use self::prepare::{Prepared, inspection, prepare};
 pub(crate) use self::session::required_effects;
 

@@ -34,6 +34,8 @@ pub struct RunOptions {
     pub accept_unconverged: bool,
     /// Time limit for one reply of a program.
     pub deadline: Option<Duration>,
+    /// Level of the logs of the programs. `None`: the environment's, or their own default.
+    pub log_level: Option<LogLevel>,
     /// Programs that the user starts.
     pub attach: Vec<Role>,
     /// Resumes the run in the folder.
@@ -47,6 +49,25 @@ pub struct RunOptions {
     pub record: Option<RecordOptions>,
     /// Compares all messages with a recording.
     pub baseline: Option<BaselineOptions>,
+}
+
+/// What programs write to their logs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum LogLevel {
+    /// What the program computes and its totals.
+    Info,
+    /// Each solve too: iterations, residual and its target, time.
+    Debug,
+}
+
+impl LogLevel {
+    /// The word for `RIPSTOP_LOG`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Info => "info",
+            Self::Debug => "debug",
+        }
+    }
 }
 
 /// How a run is recorded.

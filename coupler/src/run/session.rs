@@ -123,6 +123,9 @@ fn programs(
     }
     let folder = case::stage_folder(context.out, scene, context.stage);
     for p in &mut programs {
+        if let Some(level) = options.log_level {
+            p.environment.push((channel::LOG_VARIABLE, level.name().into()));
+        }
         p.environment.push((timing::FILE_VARIABLE, results::timings::file(&folder, p.role).into()));
     }
     Ok(programs.into_iter().map(|p| (scene.ranks.of(p.role), p)).map(|(n, p)| (p, n)).collect())

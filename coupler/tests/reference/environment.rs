@@ -19,6 +19,12 @@ const USERS: &[(&str, &str, &str)] = &[
          collects the file in `summary.json`.",
     ),
     (
+        "RIPSTOP_LOG",
+        "solver programs",
+        "Level of their logs: `warn`, `info` (where it is unset) or `debug`, or `module=level` for parts of a program, separated by commas. \
+         `--log-level` sets it.",
+    ),
+    (
         "RIPSTOP",
         "programs that replace a solver",
         "Path of the program `ripstop`, instead of the one on `PATH`.",

@@ -83,6 +83,11 @@ pub trait Participant {
     /// What this rank announces in the handshake.
     fn announce(&self) -> Announcement;
 
+    /// What this rank computes, in lines for the log of the program (first rank only).
+    fn description(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Global indices of the rows that this rank's output holds, in the order of
     /// the output: canopy nodes (structure), canopy faces (flow), grid nodes (mesh).
     fn output_rows(&self) -> Vec<u64>;

@@ -6,6 +6,7 @@ use std::time::Duration;
 use case::Role;
 
 use crate::header::Kind;
+use crate::logged::Logged;
 use crate::membership::Membership;
 use crate::proxied_rank::ProxiedRank;
 use crate::rank_server::RankServer;
@@ -65,7 +66,9 @@ pub(crate) const TEXT_WORDS: usize = 1024;
 /// }
 /// ```
 pub fn serve(participant: &mut dyn Participant, at: &ServeOptions) -> Result<ServeEnd, ServeError> {
-    ended(at, serve_local(participant, at, None))
+    let mut logged = Logged::new(participant, at);
+    let end = serve_local(&mut logged, at, None);
+    ended(at, logged.end(end))
 }
 
 /// As [`serve`], for a program whose ranks may span several hosts. Collective.
@@ -77,7 +80,9 @@ pub fn serve_across(
     at: &ServeOptions,
     peers: &Peers<'_>,
 ) -> Result<ServeEnd, ServeError> {
-    ended(at, serve_from(memory_name(), participant, at, peers))
+    let mut logged = Logged::new(participant, at);
+    let end = serve_from(memory_name(), &mut logged, at, peers);
+    ended(at, logged.end(end))
 }
 
 /// Writes the timings of the first rank where the coupler requested them.

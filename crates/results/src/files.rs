@@ -77,7 +77,12 @@ pub const RUN: &[ResultFile] = &[
         "Displacement of points of the canopy, CSV.",
     ),
     file("{stage}/descent.svg", COUPLER, "end of a coupled stage", "Descent speed and drag over time, SVG."),
-    file("{stage}/logs/{role}.log", COUPLER, "during the stage", "Output of a program, text."),
+    file(
+        "{stage}/logs/{role}.log",
+        COUPLER,
+        "during the stage",
+        "Output of a program with its log: seconds since its start, level (`info`, `debug`), message; text.",
+    ),
     file(
         "{stage}/canopy.pvd",
         STRUCTURE,

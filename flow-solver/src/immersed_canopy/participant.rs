@@ -548,6 +548,18 @@ impl Participant for ImmersedParticipant {
         }
     }
 
+    fn description(&self) -> Vec<String> {
+        let grid = &self.flow.grid;
+        let [x, y, z] = grid.cells();
+        vec![format!(
+            "Cartesian grid of {} cells ({x} x {y} x {z}) with {} immersed faces, {} of them on this rank; projection to {:.1e}",
+            grid.count(),
+            self.surface.len(),
+            self.faces.len(),
+            self.flow.settings.tolerance
+        )]
+    }
+
     fn output_rows(&self) -> Vec<u64> {
         (self.faces.start as u64..self.faces.end as u64).collect()
     }
