@@ -83,21 +83,22 @@ fn logs_say_what_programs_did(plain: &Path, debug: &Path, history: &History) {
         let file = out.join("descent/logs").join(role).with_extension("log");
         std::fs::read_to_string(file).expect("a log")
     };
-    let solves: f64 = history.column("coupling_iterations").iter().sum();
-    let words = ["structure of ", "fitted grid of ", "grid of "];
-    for (role, word) in ["structure", "flow", "mesh"].iter().zip(words) {
+    let iterations: f64 = history.column("coupling_iterations").iter().sum();
+    for (role, word) in [("structure", "structure of "), ("flow", "fitted grid of "), ("mesh", "grid of ")] {
         let (plain, debug) = (read(plain, role), read(debug, role));
         let lines = |log: &str, level: &str, word: &str| {
             log.lines().filter(|l| l.contains(level) && l.contains(word)).count()
         };
         for log in [&plain, &debug] {
             assert_eq!(lines(log, " info ", word), 1, "{role}: {log}");
-            assert_eq!(lines(log, " info ", "end: "), 1, "{role}: {log}");
         }
         assert_eq!(lines(&plain, " debug ", ""), 0, "{role}: {plain}");
-        assert!(plain.contains(&format!("end: {solves} solves in 20 accepted windows")), "{role}: {plain}");
-        assert_eq!(lines(&debug, " debug ", ", solve ") as f64, solves, "{role}: {debug}");
+        let solves = lines(&debug, " debug ", ", solve ");
+        // The structure is solved more often than the flow.
+        assert!(role == "structure" || solves as f64 == iterations, "{role}: {debug}");
         assert_eq!(lines(&debug, " debug ", " accepted"), 20, "{role}: {debug}");
+        let end = format!("end: {solves} solves in 20 accepted windows");
+        assert!(plain.contains(&end) && debug.contains(&end), "{role}, {end}: {plain}");
     }
 }
 
