@@ -354,14 +354,14 @@ class Processes(unittest.TestCase):
 
         failed = solver("sh -c 'test -d $RIPSTOP_SAVE && exit 3'")
         failed.child.wait()
-        with self.assertRaisesRegex(SolverEnded, "ended with code 3 before the stage did"):
+        with self.assertRaisesRegex(SolverEnded, "ended with code 3 before the stage did: see"):
             failed.observe()
         # preCICE may return here only after the solver has ended well.
         good = solver("sh -c 'echo x >$RIPSTOP_SAVE/file'")
         good.wait()
         good.observe()
         good.ended -= 60.0
-        with self.assertRaisesRegex(SolverEnded, "ended with code 0 before the stage did"):
+        with self.assertRaisesRegex(SolverEnded, "code 0 before the stage did .without its adapter .* was it loaded"):
             good.observe()
         unpack(packed(good.save_folder), scratch() / "again")
         self.assertEqual((scratch() / "again/file").read_text(), "x\n")
