@@ -186,8 +186,9 @@ def check(file, role, load, scene, fixed_frame=False):
         raise ConfigError(f"{file} has the data `{FRAME_VELOCITY}`, which is not written with --fixed-frame: write it again")
     for name, _ in fields(role, load, fixed_frame)[0]:
         if name not in degrees:
+            other = ", or run with --fixed-frame as when it was written" if name == FRAME_VELOCITY else ""
             options = "--load " + load + (" --fixed-frame" if fixed_frame else "")
-            raise ConfigError(f"{file} has no data `{name}`, which the bridge writes with {options}: write it again")
+            raise ConfigError(f"{file} has no data `{name}`, which the bridge writes with {options}: write it again{other}")
         if role == "structure" and degrees[name] != degree(scene, role):
             raise ConfigError(
                 f"{file}: waveform-degree of `{name}` is {degrees[name]}, but `coupling.load_interpolation` of the scene "
