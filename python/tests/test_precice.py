@@ -1,15 +1,18 @@
 """The bridge to preCICE, with a stand-in for preCICE."""
 
+import re
 import sys
 import threading
 import types
 import unittest
+from pathlib import Path
 
 import numpy as np
 import precice_stand_in
 from common import file, scratch
 from ripstop.contract import Window
 from ripstop.precice import config, worker
+from ripstop.precice.bridge import FlowBridge
 from ripstop.precice.errors import ConfigError, CouplingError, PreciceError, PreciceMissing, SolverEnded
 from ripstop.precice.exchange import Exchange, Field
 from ripstop.precice.solver import Solver, packed, unpack
@@ -30,6 +33,11 @@ def written(name, interpolation="linear", change=lambda text: text, **words):
     if interpolation == "linear":
         text = text.replace('waveform-degree="0"', 'waveform-degree="1"')
     return file(f"precice/{name}.xml", change(text))
+
+
+def example(name):
+    """Text of a file below `python/examples`."""
+    return (Path(__file__).resolve().parents[1] / "examples" / name).read_text(encoding="utf-8")
 
 
 class Oscillators:
@@ -246,6 +254,45 @@ class Configuration(unittest.TestCase):
         with self.assertRaisesRegex(ConfigError, "cannot be read .*: write it with --write-config"):
             config.check(scratch() / "none.xml", "structure", "force", scene("mean"))
 
+    def test_a_flow_in_a_fixed_frame_reads_no_velocity_of_it(self):
+        of = scene("mean")
+        text = {fixed: config.text(of, STAGE, "flow", "force", fixed_frame=fixed) for fixed in (False, True)}
+        self.assertEqual([config.FRAME_VELOCITY in text[fixed] for fixed in (False, True)], [True, False])
+        for fixed in (False, True):
+            config.check(file("precice/frame.xml", text[fixed]), "flow", "force", of, fixed)
+        with self.assertRaisesRegex(ConfigError, "has the data `FrameVelocity`, which is not written with --fixed-frame"):
+            config.check(file("precice/frame.xml", text[False]), "flow", "force", of, True)
+        with self.assertRaisesRegex(ConfigError, "has no data `FrameVelocity`, .*: write it again, or run with --fixed-frame"):
+            config.check(file("precice/frame.xml", text[True]), "flow", "force", of)
+
+    def test_examples_with_adapters_name_what_the_bridge_writes(self):
+        """Meshes and data in the files of the adapters are those of the configuration that their pages tell to write."""
+        solid = config.text(scene("mean"), STAGE, "structure", "force")
+        text = example("calculix-cavity/config.yml")
+        (mesh,) = re.findall(r"nodes-mesh: (\S+)", text)
+        for tag in ("read-data", "write-data"):
+            (name,) = re.findall(rf"{tag}: \[(\S+)\]", text)
+            self.assertIn(f'<{tag} name="{name}" mesh="{mesh}"/>', solid)
+        named = config.text(scene("mean"), STAGE, "flow", "force", fixed_frame=True)
+        adapter = example("openfoam-cavity/system/preciceDict")
+        self.assertIn("Fluid", re.findall(r"participant\s+(\S+);", adapter))
+        meshes = re.findall(r"mesh\s+(\S+);.*?readData\s*\((.*?)\);\s*writeData\s*\((.*?)\);", adapter, re.DOTALL)
+        self.assertEqual(len(meshes), 2)
+        for mesh, read, write in meshes:
+            for tag, names in (("read-data", read), ("write-data", write)):
+                for name in names.split():
+                    self.assertIn(f'<{tag} name="{name}" mesh="{mesh}"/>', named)
+
+    def test_a_frame_that_moves_is_refused_where_its_velocity_is_not_read(self):
+        flow = object.__new__(FlowBridge)
+        window = Window(index=7, frame_velocity=(0.0, 0.0, -3.0))
+        flow.fixed_frame = False
+        self.assertEqual(flow.frame_velocity(window).tolist(), [0.0, 0.0, -3.0])
+        flow.fixed_frame = True
+        with self.assertRaisesRegex(CouplingError, "moves with 3 m/s in window 7, but with --fixed-frame"):
+            flow.frame_velocity(window)
+        self.assertEqual(flow.frame_velocity(Window(index=8)).tolist(), [0.0, 0.0, 0.0])
+
     def test_max_time_is_that_of_whole_windows(self):
         self.assertEqual(config.duration({"duration_s": 0.104, "window_s": 0.01}), 0.1)
         self.assertIn('<max-time value="0.4"/>', written("time").read_text())
@@ -307,14 +354,14 @@ class Processes(unittest.TestCase):
 
         failed = solver("sh -c 'test -d $RIPSTOP_SAVE && exit 3'")
         failed.child.wait()
-        with self.assertRaisesRegex(SolverEnded, "ended with code 3 before the stage did"):
+        with self.assertRaisesRegex(SolverEnded, "ended with code 3 before the stage did: see"):
             failed.observe()
         # preCICE may return here only after the solver has ended well.
         good = solver("sh -c 'echo x >$RIPSTOP_SAVE/file'")
         good.wait()
         good.observe()
         good.ended -= 60.0
-        with self.assertRaisesRegex(SolverEnded, "ended with code 0 before the stage did"):
+        with self.assertRaisesRegex(SolverEnded, "code 0 before the stage did .without its adapter .* was it loaded"):
             good.observe()
         unpack(packed(good.save_folder), scratch() / "again")
         self.assertEqual((scratch() / "again/file").read_text(), "x\n")

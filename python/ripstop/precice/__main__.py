@@ -37,6 +37,8 @@ def arguments(words):
     add("--effects", default="", metavar="KEYS", help="keys of the scene that the solver has, separated by commas")
     text = f"largest difference of two responses to the same data, relative to the change over the window ({REPEAT_TOLERANCE})"
     add("--repeat-tolerance", type=float, default=REPEAT_TOLERANCE, metavar="X", help=text)
+    text = "a flow that does not read the velocity of the falling frame; a run whose frame moves ends with an error"
+    add("--fixed-frame", action="store_true", help=text)
     add = parser.add_argument_group("to write a configuration").add_argument
     add("--write-config", type=Path, metavar="SCENE", help="scene for which FILE of --config is written")
     add("--only-stage", metavar="NAME", help="one stage instead of all with this role")
@@ -44,6 +46,8 @@ def arguments(words):
     add("--explicit", action="store_true", help="one iteration in each window, for staggered schemes")
     add("--exchange-directory", default=".", metavar="DIR", help="where the participants find each other (default: .)")
     own, left = parser.parse_known_args(words)
+    if own.fixed_frame and own.role != "flow":
+        parser.error("--fixed-frame is an option of the flow: no structure reads the velocity of the frame")
     own.effects = [key for key in own.effects.split(",") if key]
     return own, left
 
@@ -68,7 +72,7 @@ def write(options):
     edges = np.linalg.norm(np.diff(coords[np.array(case["structure"]["faces"])[:, :3]], axis=1), axis=2)
     for stage in stages:
         file = Path(config.path_of(options.config, stage["name"]))
-        words = (options.mapping, options.explicit, options.exchange_directory, round(4 * float(edges.max()), 6))
+        words = (options.mapping, options.explicit, options.exchange_directory, round(4 * float(edges.max()), 6), options.fixed_frame)
         file.write_text(config.text(scene, stage, options.role, options.load, *words), encoding="utf-8")
         print(f"written: {file}")
 

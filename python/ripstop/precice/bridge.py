@@ -9,6 +9,7 @@ from ..contract import Fault, Window
 from ..participant import Participant, load_state, save_state, write_shape
 from . import config
 from .config import FACES, NODES
+from .errors import CouplingError
 from .exchange import Exchange, Field
 from .solver import SAVE, STATE, Solver, packed, unpack
 from .surface import Surface
@@ -61,7 +62,8 @@ class Bridge(Participant):
         self.coords = np.array(mesh["coords"])[: self.canopy_nodes]
         self.kind = options.load
         file = Path(config.path_of(options.config, self.stage["name"])).resolve()
-        config.check(file, self.role, self.kind, scene)
+        self.fixed_frame = options.fixed_frame
+        config.check(file, self.role, self.kind, scene, self.fixed_frame)
         self.linear = config.degree(scene, self.role) == 1
         self.state = run.state(case, self.role)
         self.prepare(case, run)
@@ -81,7 +83,8 @@ class Bridge(Participant):
             self.solver = Solver(options.solver, run, file, state, work / SAVE)
         self.remote = Remote(config.NAME, file, self.observe)
         positions = {NODES: self.reference, FACES: self.surface.centres(self.reference)}
-        writes, reads = ([Field(*f) for f in fields] for fields in config.fields(self.role, self.kind))
+        fields = config.fields(self.role, self.kind, self.fixed_frame)
+        writes, reads = ([Field(*of) for of in some] for some in fields)
         used = {f.mesh for f in writes + reads}
         meshes = {name: at for name, at in positions.items() if name in used}
         triangles = {NODES: self.surface.triangles()} if NODES in used else {}
@@ -229,7 +232,7 @@ class FlowBridge(Bridge):
 
     def advance(self, window, canopy, grid, output):
         x = grid[:, :3] if self.moving else self.reference
-        velocity = np.tile(np.array(window.frame_velocity), (self.canopy_nodes, 1))
+        velocity = np.tile(self.frame_velocity(window), (self.canopy_nodes, 1))
         self.trial = {"Displacement": x - self.reference, "FrameVelocity": velocity}
         self.begin = self.begin or self.trial | {"Displacement": np.zeros_like(self.reference)}
         response = self.exchange.solve(window, self.begin, self.trial)
@@ -245,6 +248,18 @@ class FlowBridge(Bridge):
             for name, total in (("force", forces.sum(axis=0)), ("moment", moments.sum(axis=0)))
             for k, axis in enumerate("xyz")
         }
+
+    def frame_velocity(self, window):
+        """Velocity of the frame, `[3]`, m/s. A velocity other than zero is refused where the solver does not read it."""
+        velocity = np.array(window.frame_velocity)
+        if self.fixed_frame and velocity.any():
+            speed = np.linalg.norm(velocity)
+            raise CouplingError(
+                f"the frame of the scene moves with {speed:.3g} m/s in window {window.index}, but with --fixed-frame the solver "
+                "behind preCICE does not read its velocity: choose a scene whose payload does not move, or a solver that reads "
+                f"`{config.FRAME_VELOCITY}`, and write the configuration without --fixed-frame"
+            )
+        return velocity
 
     def accept(self, window):
         super().accept(window)

@@ -20,17 +20,22 @@ STAGES = {
     "flow": ("flow-only", "coupled", "prescribed"),
 }
 
+# The velocity of the frame that falls with the payload.
+FRAME_VELOCITY = "FrameVelocity"
+
 MAPPINGS = ("nearest-neighbor", "nearest-projection", "rbf")
 
 SCALARS = ("Pressure", COUNTER)
 
 
-def fields(role, load):
-    """Names and meshes of what the bridge writes, and of what it reads."""
+def fields(role, load, fixed_frame=False):
+    """Names and meshes of what the bridge writes, and of what it reads. `fixed_frame`: a flow that does not read the velocity
+    of the frame."""
     motion = [("Displacement", NODES)]
     on_faces = [("Pressure", FACES), ("Traction", FACES)]
     if role == "flow":
-        return motion + [("FrameVelocity", NODES)], [("Force", FACES)] if load == "force" else on_faces
+        frame = [] if fixed_frame else [(FRAME_VELOCITY, NODES)]
+        return motion + frame, [("Force", FACES)] if load == "force" else on_faces
     return [("Force", NODES)] if load == "force" else on_faces, motion
 
 
@@ -71,12 +76,12 @@ def element(tag, _inside=(), **values):
     return [f"<{tag}{attributes(**values)}>", *("  " + line for line in _inside), f"</{tag}>"]
 
 
-def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, exchange_directory=".", radius=0.0):
+def text(scene, stage, role, load, mapping="nearest-neighbor", explicit=False, exchange_directory=".", radius=0.0, fixed_frame=False):
     """The configuration for one stage of a scene with its defaults (`ripstop mesh`). `radius` is the support of the
-    functions of the mapping `rbf`, m."""
+    functions of the mapping `rbf`, m; `fixed_frame` as in `fields`."""
     refuse_linear(scene, role, load, explicit)
     solver = SOLVERS[role]
-    writes, reads = fields(role, load)
+    writes, reads = fields(role, load, fixed_frame)
     writes = writes + [(COUNTER, writes[0][1])]
     there = {mesh: mesh.replace(NAME, solver) for _, mesh in writes + reads}
     constraint = {"write": "conservative" if role == "structure" and load == "force" else "consistent"}
@@ -154,7 +159,7 @@ def parse(file):
         raise ConfigError(f"{file} is no XML: {error}") from error
 
 
-def check(file, role, load, scene):
+def check(file, role, load, scene, fixed_frame=False):
     """Refuses a configuration that preCICE accepts, but that gives other windows or other loads than Ripstop's."""
     root = parse(file)
     schemes = [e for e in root.iter() if e.tag.startswith("coupling-scheme.")]
@@ -177,9 +182,13 @@ def check(file, role, load, scene):
                 raise ConfigError(f"{file}: remove <{e.tag.replace('.', ':')}>: Ripstop iterates and accelerates")
     refuse_linear(scene, role, load, scheme.tag.endswith("explicit"))
     degrees = {e.get("name"): int(e.get("waveform-degree", "1")) for e in root if e.tag.startswith("data.")}
-    for name, _ in fields(role, load)[0]:
+    if fixed_frame and FRAME_VELOCITY in degrees:
+        raise ConfigError(f"{file} has the data `{FRAME_VELOCITY}`, which is not written with --fixed-frame: write it again")
+    for name, _ in fields(role, load, fixed_frame)[0]:
         if name not in degrees:
-            raise ConfigError(f"{file} has no data `{name}`, which the bridge writes with --load {load}: write it again")
+            other = ", or run with --fixed-frame as when it was written" if name == FRAME_VELOCITY else ""
+            options = "--load " + load + (" --fixed-frame" if fixed_frame else "")
+            raise ConfigError(f"{file} has no data `{name}`, which the bridge writes with {options}: write it again{other}")
         if role == "structure" and degrees[name] != degree(scene, role):
             raise ConfigError(
                 f"{file}: waveform-degree of `{name}` is {degrees[name]}, but `coupling.load_interpolation` of the scene "

@@ -78,7 +78,9 @@ class Solver:
             return
         self.ended = self.ended or time.monotonic()
         if code != 0 or time.monotonic() - self.ended > GRACE_S:
-            raise SolverEnded(f"the solver `{self.command}` ended with code {code} before the stage did{LOG}")
+            # OpenFOAM, for one, only warns of an adapter that it does not find.
+            alone = " (without its adapter a solver computes and ends by itself: was it loaded?)" if code == 0 else ""
+            raise SolverEnded(f"the solver `{self.command}` ended with code {code} before the stage did{alone}{LOG}")
 
     def wait(self):
         """Waits for the end of the solver after the last window."""
