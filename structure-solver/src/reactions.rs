@@ -93,7 +93,7 @@ impl Dynamics {
         self.reactions.as_ref().map_or(&[], |r| &r.sums)
     }
 
-    /// Adds what holds the components in explicit steps from `current` to `next` in `dt` seconds beside the forces: inertia, damping and weight.
+    /// Adds what holds the components in explicit steps from `current` to `next` in `dt` seconds in addition to the forces: inertia, damping and weight.
     pub(crate) fn add_explicit_inertia(&mut self, dt: f64, body: [f64; 3]) {
         let Some(r) = &mut self.reactions else { return };
         let (from, to) = (&self.current, &self.next);
