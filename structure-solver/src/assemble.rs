@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use case::{Integration, Law, Membrane, Scene, Solve, Stage};
+use case::{Fabric, Integration, Law, Membrane, Scene, Solve, Stage};
 use comm::Comm;
 use mesh::{CableKind, MeshError, StructureMesh};
 
@@ -41,7 +41,11 @@ type Loops = Vec<Box<dyn ElementLoop>>;
 fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError> {
     let damping = damping(&scene.stages[stage], scene.fabric.retardation_time_s);
     let mut all = Loops::new();
-    membranes(scene, damping, model, &mut all);
+    for group in cloths(scene) {
+        let fabric = scene.fabric_of(group);
+        let quads = scene.structure.membrane == Membrane::Quadrilateral;
+        membranes(&Cloth { fabric: &fabric, group, quads, damping }, model, &mut all);
+    }
     if let Some(stiffness) = scene.fabric.bending_stiffness_n_m {
         all.push(Box::new(Elements::bending(model, stiffness)));
     }
@@ -52,57 +56,75 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     Ok(all)
 }
 
+/// The cloths of a scene: `[fabric]`, then the groups of a mesh file.
+fn cloths(scene: &Scene) -> impl Iterator<Item = Option<u16>> {
+    std::iter::once(None).chain((0..scene.fabric_groups().len()).map(|k| Some(k as u16)))
+}
+
+/// A cloth and the elements that are of it.
+struct Cloth<'a> {
+    fabric: &'a Fabric,
+    /// Its group; `None`: `[fabric]`.
+    group: Option<u16>,
+    /// Faces are bilinear elements.
+    quads: bool,
+    /// Retardation time, s.
+    damping: f64,
+}
+
 /// The fabric's material: one line for each law.
-fn membranes(scene: &Scene, damping: f64, model: &Model, all: &mut Loops) {
-    let f = &scene.fabric;
+fn membranes(cloth: &Cloth<'_>, model: &Model, all: &mut Loops) {
+    let f = cloth.fabric;
     let (y, nu) = (f.youngs_modulus_pa, f.poisson_ratio);
     match (f.law, &f.orthotropic, f.wrinkling) {
-        (Law::NeoHookean, _, true) => elements(scene, damping, model, NeoHookeanTensionField::new(y), all),
-        (Law::NeoHookean, _, false) => elements(scene, damping, model, NeoHookean::new(y), all),
-        (Law::StVenantKirchhoff, None, true) => fabric(scene, damping, model, TensionField::new(y, nu), all),
+        (Law::NeoHookean, _, true) => cloth.elements(model, NeoHookeanTensionField::new(y), all),
+        (Law::NeoHookean, _, false) => cloth.elements(model, NeoHookean::new(y), all),
+        (Law::StVenantKirchhoff, None, true) => cloth.prestressed(model, TensionField::new(y, nu), all),
         (Law::StVenantKirchhoff, None, false) => {
-            fabric(scene, damping, model, StVenantKirchhoff::isotropic(y, nu), all);
+            cloth.prestressed(model, StVenantKirchhoff::isotropic(y, nu), all);
         }
         (Law::StVenantKirchhoff, Some(o), true) => {
             let law = OrthotropicTensionField::new(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
-            fabric(scene, damping, model, law, all);
+            cloth.prestressed(model, law, all);
         }
         (Law::StVenantKirchhoff, Some(o), false) => {
             let law = StVenantKirchhoff::orthotropic(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
-            fabric(scene, damping, model, law, all);
+            cloth.prestressed(model, law, all);
         }
     }
 }
 
-/// A law that is linear where it is taut, about the fabric's prestress.
-fn fabric(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
-    let prestress = scene.fabric.prestress_pa;
-    if prestress > 0.0 {
-        elements(scene, damping, model, Prestressed::new(law, prestress), all);
-    } else {
-        elements(scene, damping, model, law, all);
-    }
-}
-
-fn elements(scene: &Scene, damping: f64, model: &Model, law: impl Material, all: &mut Loops) {
-    let (thickness, density) = (scene.fabric.thickness_m, scene.fabric.density_kg_m3);
-    match (scene.structure.membrane == Membrane::Quadrilateral, damping > 0.0) {
-        (true, false) => all.push(Box::new(Elements::quads(model, Elastic(law), thickness, density))),
-        (true, true) => {
-            all.push(Box::new(Elements::quads(model, KelvinVoigt::new(law, damping), thickness, density)));
+impl Cloth<'_> {
+    /// A law that is linear where it is taut, about the fabric's prestress.
+    fn prestressed(&self, model: &Model, law: impl Material, all: &mut Loops) {
+        let prestress = self.fabric.prestress_pa;
+        if prestress > 0.0 {
+            self.elements(model, Prestressed::new(law, prestress), all);
+        } else {
+            self.elements(model, law, all);
         }
-        (false, damped) => {
-            all.push(Box::new(Elements::triangles(model, Elastic(law), thickness, density)));
-            if !model.split_faces.is_empty() {
-                all.push(Box::new(Elements::bent_faces(model, thickness, density)));
+    }
+
+    fn elements(&self, model: &Model, law: impl Material, all: &mut Loops) {
+        let (thickness, density) = (self.fabric.thickness_m, self.fabric.density_kg_m3);
+        let own = |group: Option<u16>| group == self.group;
+        match (self.quads, self.damping > 0.0) {
+            (true, false) => {
+                all.push(Box::new(Elements::quads_of(model, own, Elastic(law), thickness, density)));
             }
-            if damped {
-                all.push(Box::new(Elements::triangles(
-                    model,
-                    Viscous::new(law, damping),
-                    thickness,
-                    density,
-                )));
+            (true, true) => {
+                let law = KelvinVoigt::new(law, self.damping);
+                all.push(Box::new(Elements::quads_of(model, own, law, thickness, density)));
+            }
+            (false, damped) => {
+                all.push(Box::new(Elements::triangles_of(model, own, Elastic(law), thickness, density)));
+                if model.split_faces.iter().any(|f| own(f.fabric)) {
+                    all.push(Box::new(Elements::bent_faces_of(model, own, thickness, density)));
+                }
+                if damped {
+                    let law = Viscous::new(law, self.damping);
+                    all.push(Box::new(Elements::triangles_of(model, own, law, thickness, density)));
+                }
             }
         }
     }
@@ -350,6 +372,14 @@ pub enum SetupError {
     /// Its elements.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A motion by a text that is no formula.
+    #[error("{key}: {error}")]
+    Formula {
+        /// Where the scene says so.
+        key: String,
+        /// What is wrong with the text.
+        error: case::FormulaError,
+    },
 }
 
 /// Prescribes the motions and forces of stage `stage` from the accepted state on; the stages before it took
@@ -361,7 +391,7 @@ pub fn nodal(
     stage: usize,
     times: &case::StageTimes,
     mesh: &StructureMesh,
-) -> Result<(), MeshError> {
+) -> Result<(), SetupError> {
     let s = &scene.stages[stage];
     for (k, f) in s.forces.iter().enumerate() {
         let key = format!("stage[{stage}].force[{k}]");
@@ -373,8 +403,10 @@ pub fn nodal(
         let key = format!("stage[{stage}].motion[{k}]");
         let nodes = mesh.nodes_of(&key, m.nodes.as_deref(), m.at_m)?;
         let components = ['x', 'y', 'z'].map(|c| m.components.contains(c));
-        let m = m.in_stage(scene, stage, times);
-        dynamics.prescribe(&nodes, components, &m.time_s, &m.displacement_m);
+        let motion = m
+            .in_stage(scene, stage, times)
+            .map_err(|error| SetupError::Formula { key: key.clone(), error })?;
+        dynamics.prescribe_motion(&nodes, components, motion);
     }
     let first = scene.source_stage(stage, case::Role::Structure).is_none();
     let turned = scene.payload_body().filter(|b| b.is_released_turned());

@@ -8,6 +8,7 @@ use crate::loops::{Configuration, FaceLoad};
 use crate::motion::Motion;
 use crate::newton::{Newton, NewtonError, NewtonInfo, NewtonParams, State, StepEquation};
 use crate::payload::Payload;
+use crate::reactions::Reactions;
 use crate::scheme::Scheme;
 use crate::system::System;
 use mesh::geometry::Vec3;
@@ -121,6 +122,8 @@ pub struct Dynamics {
     /// Displacements after each substep of the last computed window: they start
     /// the next coupling iteration.
     path: Vec<Vec<f64>>,
+    /// Reactions of groups of nodes; `None` where none are asked for.
+    pub(crate) reactions: Option<Reactions>,
     /// Prescribed motions; empty where there are none.
     pub(crate) motions: Vec<Motion>,
     /// Time since the start of the stage at the start of the next window, s.
@@ -171,6 +174,7 @@ impl Dynamics {
             x: zero(),
             scale: 1.0,
             path: Vec::new(),
+            reactions: None,
             motions: Vec::new(),
             time: 0.0,
             window: 0.0,
@@ -248,6 +252,7 @@ impl Dynamics {
     ) -> Result<WindowInfo, StepFailure> {
         self.current.copy_from(&self.accepted);
         self.system.rewind();
+        self.clear_reactions();
         self.window = dt;
         let mut info = WindowInfo::default();
         if self.explicit.is_none() {
@@ -287,6 +292,7 @@ impl Dynamics {
         [info.load_work, info.damping_work] = [sums[0], sums[1]];
         info.applied_impulse = Vec3::from_column_slice(&sums[2..5]);
         info.works.0.copy_from_slice(&sums[5..]);
+        self.finish_reactions(dt);
         Ok(info)
     }
 
@@ -364,7 +370,19 @@ impl Dynamics {
         };
         let guess: Option<&[f64]> = known.map(|k| self.path[k].as_slice());
         let guesses = guess.as_slice();
-        self.newton.step(&mut self.system, &mut self.linear, &balance, guesses, self.scale, &mut self.next)
+        let step = self.newton.step(
+            &mut self.system,
+            &mut self.linear,
+            &balance,
+            guesses,
+            self.scale,
+            &mut self.next,
+        );
+        if let (Some(r), Ok(_)) = (&mut self.reactions, &step) {
+            let place = self.newton.forces_with_inertia(&self.system, &balance, &mut self.force[1]);
+            r.add(&self.force[1], place, &self.system.model.fixed, dt);
+        }
+        step
     }
 
     /// Trapezoidal work of the load on owned nodes from `current` to `next`, J. The

@@ -282,9 +282,11 @@ impl Dynamics {
     pub(crate) fn explicit_step(&mut self, part: Interval<'_>) -> Result<NewtonInfo, NewtonError> {
         let _part = timing::part("explicit steps");
         let mut e = self.explicit.take().expect("the caller has seen it");
+        let reactions = self.reactions.clone();
         let result = self.explicit_steps(&mut e, part);
         if result.is_err() {
             e.forget();
+            self.reactions = reactions;
         }
         self.explicit = Some(e);
         result
@@ -311,14 +313,17 @@ impl Dynamics {
             let time = self.time + share * window;
             let step = CentralStep { h, slowing: 0.5 * h * self.damping, share, time, body };
             self.begin_central_step(e, &step);
+            self.add_reactions(e, h);
             self.move_nodes(e, &step, &mut carried);
             self.explicit_forces(e, step.share, load);
+            self.add_reactions(e, h);
             self.add_taken(e);
             let before = std::mem::replace(&mut applied, -sum_of_nodes(&e.force[..owned]));
             e.applied_impulse += (before + applied) * (0.5 * h);
             self.kick_nodes(e, &step, &mut carried);
         }
         self.end_explicit(e, part, carried);
+        self.add_explicit_inertia(part.dt(), body);
         self.finite(owned, count as u32)?;
         for field in [&mut self.next.u, &mut self.next.v, &mut self.next.a] {
             self.system.model.halo.exchange(field, 3);
@@ -399,6 +404,13 @@ impl Dynamics {
     fn add_taken(&mut self, e: &mut Explicit) {
         if e.damping_rate > 0.0 {
             e.taken += self.system.dissipation(&e.before, &self.x);
+        }
+    }
+
+    /// Adds half of a step of `h` seconds under the forces at the positions now to the reactions.
+    fn add_reactions(&mut self, e: &Explicit, h: f64) {
+        if let Some(r) = &mut self.reactions {
+            r.add(&e.force, &self.x, &self.system.model.fixed, 0.5 * h);
         }
     }
 

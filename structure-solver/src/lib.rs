@@ -28,6 +28,7 @@ pub mod newton;
 pub mod participant;
 pub mod patches;
 pub mod payload;
+pub mod reactions;
 pub mod rigid;
 pub mod scheme;
 pub mod snapshot;
@@ -43,7 +44,11 @@ mod contact_tests;
 #[cfg(test)]
 mod effect_tests;
 #[cfg(test)]
+mod fabric_group_tests;
+#[cfg(test)]
 mod pattern_tests;
+#[cfg(test)]
+mod reaction_tests;
 #[cfg(test)]
 mod scene_tests;
 #[cfg(test)]

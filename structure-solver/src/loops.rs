@@ -207,8 +207,13 @@ pub trait ElementLoop {
     /// Finds where the blocks of the elements lie in the system matrix.
     fn assign_slots(&mut self, slot: &dyn Fn(u32, u32) -> u32);
 
-    /// Principal stresses (Pa, first the larger) and state of membrane elements, by
-    /// element. A bilinear element says it for each of the two triangles of its face.
+    /// Places of the membrane elements whose states are reported among [`crate::model::Model::triangles`].
+    fn sheets(&self) -> &[u32] {
+        &[]
+    }
+
+    /// Principal stresses (Pa, first the larger) and state of membrane elements, in the order of
+    /// [`ElementLoop::sheets`]. A bilinear element says it for each of the two triangles of its face.
     fn stresses(&self, _x: &[f64]) -> Vec<([f64; 2], Regime)> {
         Vec::new()
     }

@@ -53,15 +53,16 @@ pub struct Diagnostics {
     lines: Vec<u32>,
     /// Cables counted here that are tapes: cable, place, and the number of tapes that it stands for.
     tapes: Vec<(u32, TapePlace, f64)>,
-    /// Thickness of the fabric, m.
-    thickness: f64,
+    /// Thickness of the triangles counted here, m.
+    thickness: Vec<f64>,
     x: Vec<f64>,
     w: Vec<f64>,
 }
 
 impl Diagnostics {
-    /// The hem is where suspension lines start; without lines it is the rim. `thickness` of the fabric in m.
-    pub fn new(system: &System, mesh: &StructureMesh, thickness: f64) -> Self {
+    /// The hem is where suspension lines start; without lines it is the rim. `thickness` of a cloth in m, by its
+    /// group.
+    pub fn new(system: &System, mesh: &StructureMesh, thickness: impl Fn(Option<u16>) -> f64) -> Self {
         let model = &system.model;
         let mut is_hem = vec![false; mesh.coords.len()];
         for c in mesh.cables.iter().filter(|c| c.kind == CableKind::SuspensionLine) {
@@ -91,6 +92,8 @@ impl Diagnostics {
             held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
         }
         let zero = || vec![0.0; 3 * model.n_local()];
+        let thickness =
+            model.triangles[..model.n_own_triangles].iter().map(|t| thickness(t.fabric)).collect();
         Self { hem: hem.map(|i| i as u32).collect(), held, lines, tapes, thickness, x: zero(), w: zero() }
     }
 
@@ -172,9 +175,10 @@ impl Diagnostics {
     fn membrane_forces(&self, system: &System) -> [f64; 2] {
         let model = &system.model;
         let own = &model.triangles[..model.n_own_triangles];
-        let stresses = system.loops().iter().flat_map(|l| l.nominal_stresses(&self.x));
-        let force = |(s, t): (f64, &crate::model::Triangle)| (self.thickness * s, t.reference.area);
-        let forces: Vec<(f64, f64)> = stresses.zip(own).map(force).collect();
+        let stresses = system.by_triangle(0.0, |l| l.nominal_stresses(&self.x));
+        let cloth = self.thickness.iter().zip(own);
+        let forces: Vec<(f64, f64)> =
+            stresses.iter().zip(cloth).map(|(s, (t, triangle))| (t * s, triangle.reference.area)).collect();
         let most = model.comm.max(forces.iter().map(|f| f.0).fold(0.0, f64::max));
         if most <= 0.0 {
             return [0.0; 2];

@@ -140,6 +140,8 @@ pub struct Triangle {
     pub reference: membrane::Reference,
     /// Number in the mesh, for messages.
     pub global: u32,
+    /// Group of its cloth, as [`StructureMesh::face_fabric`].
+    pub fabric: Option<u16>,
 }
 
 /// A bilinear membrane element of this rank. Node numbers are local.
@@ -151,6 +153,8 @@ pub struct Quad {
     pub face: u32,
     /// Reference state.
     pub reference: quad::Reference,
+    /// Group of its cloth, as [`StructureMesh::face_fabric`].
+    pub fabric: Option<u16>,
 }
 
 /// A face of four nodes that two triangles approximate. Node numbers are local.
@@ -160,6 +164,8 @@ pub struct SplitFace {
     pub nodes: [u32; 4],
     /// Interface face that it is (global).
     pub face: u32,
+    /// Group of its cloth, as [`StructureMesh::face_fabric`].
+    pub fabric: Option<u16>,
 }
 
 /// Direction of the warp in the unstressed fabric.
@@ -401,7 +407,8 @@ impl Part<'_> {
                 let none = ModelError::NoWarp { face: face as usize };
                 reference = membrane::Reference::along(x, v).ok_or(none)?;
             }
-            Ok(Triangle { nodes: nodes.map(|n| self.local(n)), face, reference, global: t as u32 })
+            let fabric = self.mesh.fabric_group(face as usize);
+            Ok(Triangle { nodes: nodes.map(|n| self.local(n)), face, reference, global: t as u32, fabric })
         };
         let mut all = numbers.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         all.sort_by_key(|t| self.is_ghost(t.nodes[0]));
@@ -415,7 +422,8 @@ impl Part<'_> {
             // One axis for all points of an element, so that their strains have a mean.
             let axis = self.warp_on(face).unwrap_or_else(|| x[1] - x[0]);
             let reference = quad::Reference::new(x, Some(axis)).ok_or(ModelError::BadQuad { face, nodes })?;
-            Ok(Quad { nodes: nodes.map(|n| self.local(n)), face: face as u32, reference })
+            let fabric = self.mesh.fabric_group(face);
+            Ok(Quad { nodes: nodes.map(|n| self.local(n)), face: face as u32, reference, fabric })
         };
         let mut all = faces.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         all.sort_by_key(|q| self.is_ghost(q.nodes[0]));
@@ -481,7 +489,7 @@ fn split_faces(mesh: &StructureMesh) -> Vec<SplitFace> {
         } else {
             return None;
         };
-        Some(SplitFace { nodes, face: face as u32 })
+        Some(SplitFace { nodes, face: face as u32, fabric: mesh.fabric_group(face) })
     };
     (0..mesh.faces.len()).filter(|&f| mesh.faces[f][2] != mesh.faces[f][3]).filter_map(split).collect()
 }

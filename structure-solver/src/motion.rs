@@ -1,39 +1,39 @@
 //! Prescribed motions of nodes.
 
+use case::NodeMotion;
+
 use crate::dynamics::{Dynamics, Interval, blend};
 use crate::loops::FaceLoad;
 use crate::newton::{NewtonError, NewtonInfo};
 
-/// A displacement history of some components of some nodes.
+/// A motion of some components of some nodes.
 #[derive(Clone, Debug)]
 pub struct Motion {
     /// Components that move, as local numbers `3 node + component`.
     pub(crate) dofs: Vec<u32>,
     /// Where they are at the start, m.
     pub(crate) start: Vec<f64>,
-    time: Vec<f64>,
-    displacement: Vec<[f64; 3]>,
+    /// Positions of their nodes at the start, m.
+    places: Vec<[f64; 3]>,
+    by_time: NodeMotion,
 }
 
 impl Motion {
-    /// Of `dofs`, now displaced by `start` (m): `displacement` (m) from there at each
-    /// `time` (s), ascending and as many, at least one.
-    pub(crate) fn new(dofs: Vec<u32>, start: Vec<f64>, time: Vec<f64>, displacement: Vec<[f64; 3]>) -> Self {
-        debug_assert!(!time.is_empty() && time.len() == displacement.len());
-        Self { dofs, start, time, displacement }
-    }
-
-    /// Displacement from the start at time `t` (s): linear between the given times,
-    /// constant before and after them. At infinity the last one.
-    pub fn at(&self, t: f64) -> [f64; 3] {
-        case::interpolate(&self.time, &self.displacement, t)
+    /// Of `dofs`, now displaced by `start` (m), of nodes that are now at `places` (m).
+    pub(crate) fn new(dofs: Vec<u32>, start: Vec<f64>, places: Vec<[f64; 3]>, by_time: NodeMotion) -> Self {
+        debug_assert!(dofs.len() == start.len() && dofs.len() == places.len());
+        Self { dofs, start, places, by_time }
     }
 
     /// Displacement of each of the components at time `t` (s), from the unstressed
-    /// positions, m.
+    /// positions, m. At infinity the last one of tables.
     pub(crate) fn values(&self, t: f64) -> impl Iterator<Item = (u32, f64)> {
-        let d = self.at(t);
-        self.dofs.iter().zip(&self.start).map(move |(&i, s)| (i, s + d[i as usize % 3]))
+        let (pose, rotates) = (self.by_time.at(t), self.by_time.rotates());
+        self.dofs.iter().zip(&self.start).zip(&self.places).map(move |((&i, s), x)| {
+            let c = i as usize % 3;
+            let moved = if rotates { pose.apply(*x)[c] - x[c] } else { pose.displacement[c] };
+            (i, s + moved)
+        })
     }
 }
 
@@ -48,12 +48,21 @@ impl Dynamics {
         time: &[f64],
         displacement: &[[f64; 3]],
     ) {
+        self.prescribe_motion(nodes, components, NodeMotion::table(time, displacement));
+    }
+
+    /// Moves `components` of the mesh's `nodes` from where they are now. Collective.
+    pub fn prescribe_motion(&mut self, nodes: &[u32], components: [bool; 3], motion: NodeMotion) {
         let local = nodes.iter().filter_map(|&n| self.system.model.numbering.local(u64::from(n)));
         let dofs: Vec<u32> =
             local.flat_map(|i| (0..3).filter(|&c| components[c]).map(move |c| (3 * i + c) as u32)).collect();
-        let start = dofs.iter().map(|&i| self.accepted.u[i as usize]).collect();
+        let (reference, u) = (&self.system.model.reference, &self.accepted.u);
+        let start = dofs.iter().map(|&i| u[i as usize]).collect();
+        let node = |i: &u32| (*i as usize / 3) * 3;
+        let places =
+            dofs.iter().map(|i| [0, 1, 2].map(|c| reference[node(i) + c] + u[node(i) + c])).collect();
         self.system.fix(&dofs);
-        self.motions.push(Motion::new(dofs, start, time.to_vec(), displacement.to_vec()));
+        self.motions.push(Motion::new(dofs, start, places, motion));
     }
 
     /// A step in which prescribed components move.
@@ -119,10 +128,10 @@ mod tests {
 
     #[test]
     fn histories_are_linear_between_their_times() {
-        let m = Motion::new(vec![5], vec![0.1], vec![1.0, 3.0], vec![[0.0; 3], [0.0, 0.0, 2.0]]);
-        assert_eq!(m.at(0.0), [0.0; 3]);
-        assert_eq!(m.at(2.0), [0.0, 0.0, 1.0]);
-        assert_eq!(m.at(f64::INFINITY), [0.0, 0.0, 2.0]);
-        assert_eq!(m.values(1.5).collect::<Vec<_>>(), [(5, 0.6)]);
+        let table = NodeMotion::table(&[1.0, 3.0], &[[0.0; 3], [0.0, 0.0, 2.0]]);
+        let m = Motion::new(vec![5], vec![0.1], vec![[0.0; 3]], table);
+        let at = |t: f64| m.values(t).collect::<Vec<_>>();
+        assert_eq!((at(0.0), at(1.5)), (vec![(5, 0.1)], vec![(5, 0.6)]));
+        assert_eq!((at(2.0), at(f64::INFINITY)), (vec![(5, 1.1)], vec![(5, 2.1)]));
     }
 }

@@ -208,6 +208,21 @@ impl Newton {
         &self.u
     }
 
+    /// Internal minus external forces with inertia, N, at the end of the last step, of constrained components too; the positions at which
+    /// they balance, m.
+    pub(crate) fn forces_with_inertia(
+        &mut self,
+        system: &System,
+        balance: &StepEquation<'_>,
+        out: &mut [f64],
+    ) -> &[f64] {
+        self.set_configuration(system, balance);
+        let configuration = Configuration { at: &self.x, end: &self.end, weight: balance.form.force_weight };
+        system.forces(configuration, balance.load, out);
+        system.add_mass_product(&self.w, out);
+        &self.x
+    }
+
     /// Share of the load below which a residual ends the iteration.
     pub fn tolerance(&self) -> f64 {
         self.params.tolerance

@@ -21,6 +21,7 @@ use crate::loops::FaceLoad;
 use crate::measures::{Diagnostics, Measures};
 use crate::newton::State;
 use crate::payload::{self, Log, Payload};
+use crate::reactions;
 use crate::snapshot::Pictures;
 use crate::state_file;
 use crate::stream::AirAlongFall;
@@ -28,7 +29,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 38] = [
+const EFFECTS: [&str; 40] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -49,6 +50,7 @@ const EFFECTS: [&str; 38] = [
     "point_mass",
     "stage.stiffness_damping_s",
     "stage.motion",
+    "stage.motion.rotation",
     "stage.force",
     "lines",
     "lines.tension_only",
@@ -56,6 +58,7 @@ const EFFECTS: [&str; 38] = [
     "fabric.retardation_time_s",
     "risers",
     "canopy.cable",
+    "canopy.fabric",
     "tapes",
     "structure.spectral_radius",
     "structure.integration",
@@ -107,6 +110,8 @@ pub struct StructureSolver {
     window_energy: WindowEnergy,
     /// What the rigid payload does, on rank 0 of a stage in which it is free.
     log: Option<Log>,
+    /// The reactions, on rank 0 of a scene that asks for them.
+    reactions: Option<reactions::Log>,
     /// Where the stage looks for the shape at rest: its tolerance.
     rest: Option<f64>,
     /// The undisturbed air, which lines and a free payload meet.
@@ -152,26 +157,18 @@ impl StructureSolver {
         }
         let times = StageTimes::completed(scene, out, stage);
         crate::assemble::nodal(&mut dynamics, scene, stage, &times, &mesh).map_err(Fault::new)?;
-        let free = scene.stages[stage].kind == StageKind::Coupled;
-        let mut log = None;
-        if let Some((payload, start)) = Payload::new(scene, &mesh, &dynamics).filter(|_| free) {
-            let folder = source.as_ref().and_then(|p| p.parent());
-            let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
-            dynamics.carry(payload, earlier.unwrap_or(start));
-            if earlier.is_none() {
-                release(&mut dynamics, scene, stage, source.is_some())?;
-            }
-            if comm.is_root() && !resumed {
-                let folder = case::stage_folder(out, scene, stage);
-                let bad = |e| Fault::new(format!("payload.csv in {}: {e}", folder.display()));
-                log = Some(Log::create(&folder).map_err(bad)?);
-            }
-        }
+        reactions::watch(&mut dynamics, scene, &mesh).map_err(Fault::new)?;
+        start_payload(&mut dynamics, scene, stage, &mesh, source.as_deref())?;
         let s = &scene.structure;
         if s.integration == Integration::Explicit && scene.stages[stage].solve == Solve::Dynamic {
             dynamics.integrate_explicitly(s.explicit_safety).map_err(Fault::new)?;
         }
-        let gauge = Diagnostics::new(&dynamics.system, &mesh, scene.fabric.thickness_m);
+        let (mut log, mut reactions) = (None, None);
+        if comm.is_root() && !resumed {
+            log = create_log(&dynamics, scene, stage, out)?;
+            reactions = open_reactions(scene, stage, out, false)?;
+        }
+        let gauge = Diagnostics::new(&dynamics.system, &mesh, |group| scene.fabric_of(group).thickness_m);
         let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
@@ -189,6 +186,7 @@ impl StructureSolver {
             computed: None,
             stuck: None,
             log,
+            reactions,
             measures: Measures::default(),
             info: WindowInfo::default(),
             energy: EnergyBalance::default(),
@@ -222,6 +220,9 @@ impl StructureSolver {
             let history = "but for contact and hysteresis, which start without their history";
             let lost = self.dynamics.system.has_history();
             println!("{exact}{}", if lost { format!(", {history}") } else { String::new() });
+        }
+        if comm.is_root() {
+            self.reactions = open_reactions(&self.scene, stage, out, true)?;
         }
         self.energy = EnergyBalance::load(folder)?.unwrap_or_default();
         self.air.load(folder)?;
@@ -448,7 +449,11 @@ impl Participant for StructureSolver {
             (Some(log), Some(p), Some(s)) => log.push(w.time + w.dt, p, s),
             _ => Ok(()),
         };
-        written.map_err(|e| Fault::new(format!("payload.csv: {e}")))
+        written.map_err(|e| Fault::new(format!("payload.csv: {e}")))?;
+        let written =
+            self.reactions.as_mut().map(|log| log.push(w.time + w.dt, self.dynamics.mean_reactions()));
+        written.transpose().map_err(|e| Fault::new(format!("reactions.csv: {e}")))?;
+        Ok(())
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), Fault> {
@@ -601,6 +606,7 @@ impl StructureSolver {
         };
         let params = EquilibriumParams { tolerance, ..EquilibriumParams::default() };
         self.dynamics.equilibrium(load, body, params, &mut tell).map_err(Fault::new)?;
+        self.dynamics.reactions_at_rest(load, body);
         info.target = tolerance;
         info.unconverged = u64::from(info.residual > tolerance);
         Ok(info)
@@ -610,6 +616,51 @@ impl StructureSolver {
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
+}
+
+/// The file of the reactions in the folder of a stage, where the scene asks for any.
+fn open_reactions(
+    scene: &Scene,
+    stage: usize,
+    out: &Path,
+    resumed: bool,
+) -> Result<Option<reactions::Log>, Fault> {
+    if scene.output.reactions.is_empty() {
+        return Ok(None);
+    }
+    let folder = case::stage_folder(out, scene, stage);
+    let bad = |e| Fault::new(format!("reactions.csv in {}: {e}", folder.display()));
+    reactions::Log::open(&folder, scene, resumed).map(Some).map_err(bad)
+}
+
+/// Puts a rigid payload onto its nodes where it is free in `stage`, whose first state is that of the file `source`. Collective.
+fn start_payload(
+    dynamics: &mut Dynamics,
+    scene: &Scene,
+    stage: usize,
+    mesh: &StructureMesh,
+    source: Option<&Path>,
+) -> Result<(), Fault> {
+    let free = scene.stages[stage].kind == StageKind::Coupled;
+    if let Some((payload, start)) = Payload::new(scene, mesh, dynamics).filter(|_| free) {
+        let folder = source.and_then(Path::parent);
+        let earlier = folder.map(payload::load).transpose().map_err(Fault::new)?.flatten();
+        dynamics.carry(payload, earlier.unwrap_or(start));
+        if earlier.is_none() {
+            release(dynamics, scene, stage, source.is_some())?;
+        }
+    }
+    Ok(())
+}
+
+/// The file of a free payload's motion in the folder of a stage, where there is such a payload.
+fn create_log(dynamics: &Dynamics, scene: &Scene, stage: usize, out: &Path) -> Result<Option<Log>, Fault> {
+    if dynamics.payload().is_none() {
+        return Ok(None);
+    }
+    let folder = case::stage_folder(out, scene, stage);
+    let bad = |e| Fault::new(format!("payload.csv in {}: {e}", folder.display()));
+    Log::create(&folder).map(Some).map_err(bad)
 }
 
 /// Places a payload that becomes free in `stage`; `held`: the structure moved before. Collective.

@@ -151,7 +151,7 @@ fn membrane_forces_are_those_of_a_uniform_stretch_and_of_a_peak() {
         let s = scene(BAG, rest, LAST);
         let mut d = structure(&s, None).expect("a structure");
         let mesh = mesh::structure_mesh(&s).expect("a mesh");
-        let mut diagnostics = crate::measures::Diagnostics::new(&d.system, &mesh, s.fabric.thickness_m);
+        let mut diagnostics = crate::measures::Diagnostics::new(&d.system, &mesh, |_| s.fabric.thickness_m);
         let n = d.system.model.n_faces;
         let load = FaceLoad { pressure: &vec![0.0; n], traction: &[] };
         let l = 1.3f64;
@@ -325,7 +325,11 @@ fn cables_of_a_group_have_its_section() {
         tension_only: true,
         retardation_time_s: 0.0,
     };
-    s.canopy = case::Canopy::Gmsh(case::GmshCanopy { file: "any.msh".into(), cables: vec![group] });
+    s.canopy = case::Canopy::Gmsh(case::GmshCanopy {
+        file: "any.msh".into(),
+        cables: vec![group],
+        fabrics: Vec::new(),
+    });
     let mut mesh = chain(3, vec![(0, [true; 3])]);
     mesh.cables[1].group = Some(0);
     let mut d = structure(&s, Some(mesh)).expect("a structure");

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use mesh::geometry::Vec3;
 use mesh::vtk::{Series, Values, write_surface};
 use mesh::{MeshError, StructureMesh};
 
@@ -84,24 +85,15 @@ impl Fields {
 
         let own = &model.triangles[..model.n_own_triangles];
         let global: Vec<u64> = own.iter().map(|t| u64::from(t.global)).collect();
-        let rows: Vec<f64> = system
-            .loops()
-            .iter()
-            .flat_map(|l| l.stresses(&x))
-            .take(own.len())
-            .flat_map(|([s1, s2], regime)| [s1, s2, f64::from(number(regime))])
-            .collect();
+        let states = system.by_triangle(([0.0; 2], Regime::Slack), |l| l.stresses(&x));
+        let row = |([s1, s2], regime): &([f64; 2], Regime)| [*s1, *s2, f64::from(number(*regime))];
+        let rows: Vec<f64> = states[..own.len()].iter().flat_map(row).collect();
         let fabric = gather(comm, &global, &rows, 3, mesh.triangles.len());
-        let rows: Vec<f64> =
-            system.loops().iter().flat_map(|l| l.strains(&x)).take(own.len()).flatten().collect();
-        let strain = gather(comm, &global, &rows, 2, mesh.triangles.len());
-        let rows: Vec<f64> = system
-            .loops()
-            .iter()
-            .flat_map(|l| l.stress_directions(&x))
-            .take(own.len())
-            .flat_map(<[f64; 3]>::from)
-            .collect();
+        let strains = system.by_triangle([0.0; 2], |l| l.strains(&x));
+        let rows = strains[..own.len()].as_flattened();
+        let strain = gather(comm, &global, rows, 2, mesh.triangles.len());
+        let directions = system.by_triangle(Vec3::zeros(), |l| l.stress_directions(&x));
+        let rows: Vec<f64> = directions[..own.len()].iter().copied().flat_map(<[f64; 3]>::from).collect();
         let direction = gather(comm, &global, &rows, 3, mesh.triangles.len());
         let own = &model.cables[..model.n_own_cables];
         let global: Vec<u64> = own.iter().map(|c| u64::from(c.global)).collect();

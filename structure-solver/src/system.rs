@@ -261,6 +261,18 @@ impl System {
         all
     }
 
+    /// What loops say of the triangles of the model, in its order: of each the first that says anything, as `of` a loop in the order of
+    /// [`ElementLoop::sheets`]; `none` of those of which no loop does.
+    pub fn by_triangle<T: Clone>(&self, none: T, of: impl Fn(&dyn ElementLoop) -> Vec<T>) -> Vec<T> {
+        let mut found: Vec<Option<T>> = vec![None; self.model.triangles.len()];
+        for l in &self.loops {
+            for (&row, value) in l.sheets().iter().zip(of(l.as_ref())) {
+                found[row as usize].get_or_insert(value);
+            }
+        }
+        found.into_iter().map(|f| f.unwrap_or_else(|| none.clone())).collect()
+    }
+
     /// Work of the constant forces on owned nodes over the displacements `du` (m), J.
     pub fn nodal_work(&self, du: &[f64]) -> f64 {
         let owned = 3 * self.model.n_owned();

@@ -50,7 +50,7 @@ impl VelocityAverage {
         let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
             let sides = if scene.is_one_sided() { 0.5 } else { 1.0 };
             let air = sides * scene.resolved().canopy_air.density_kg_m3;
-            let fabric = scene.fabric.thickness_m * scene.fabric.density_kg_m3;
+            let fabric = mesh.mean_areal_mass(scene);
             fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)))
         });
         let called_for = coupled && scene.coupling.scheme == Scheme::Implicit && weight > LEAST;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use results::columns::{
-    Column, FORCE_COEFFICIENTS, FORCES, ITERATIONS, PAYLOAD, POINTS, PROBES, first_difference,
+    Column, FORCE_COEFFICIENTS, FORCES, ITERATIONS, PAYLOAD, POINTS, PROBES, REACTIONS, first_difference,
 };
 use results::files::{RECORDING, RUN, ResultFile, matches};
 use results::history;
@@ -36,6 +36,9 @@ volume_every_windows = 1
 [[output.point]]
 name = \"middle\"
 at_m = [0.0, 0.0, 0.0]
+[[output.reaction]]
+name = \"payload\"
+nodes = \"payload\"
 [flow.grid]
 ";
 
@@ -93,5 +96,6 @@ fn files_and_columns_of_a_run_are_those_of_the_reference() {
     compare_columns(&[FORCES, FORCE_COEFFICIENTS].concat(), &out, "descent/forces.csv");
     compare_columns(PROBES, &out, "descent/probes.csv");
     compare_columns(POINTS, &out, "descent/points.csv");
+    compare_columns(REACTIONS, &out, "descent/reactions.csv");
     compare_columns(PAYLOAD, &out, "descent/payload.csv");
 }

@@ -1,6 +1,6 @@
 //! Prescribed stage: mesh and flow around a canopy with the motion of the scene, without a structure solver.
 
-use case::{RigidMotion, Role};
+use case::{NodeMotion, RigidMotion, Role};
 use coupling::error::RunError;
 use coupling::schemes::InterfaceState;
 
@@ -9,6 +9,8 @@ use super::single::{WindowSolve, WindowSolver};
 
 pub(super) struct Prescribed {
     motions: Vec<Motion>,
+    /// Unstressed positions of the canopy, m.
+    coords: Vec<[f64; 3]>,
     /// Displacement at the start of the stage.
     start: Vec<f64>,
     rigid: Option<RigidCanopy>,
@@ -43,10 +45,28 @@ impl RigidCanopy {
     }
 }
 
-/// A displacement table over the time of the stage for degrees of freedom of the canopy.
+/// A motion over the time of the stage for degrees of freedom of the canopy.
 struct Motion {
     dofs: Vec<usize>,
-    table: case::Motion,
+    by_time: NodeMotion,
+}
+
+impl Motion {
+    /// Sets its components of the `displacement` at `t` (s); `start` is that at the start of the stage, at which the nodes are where `coords` (m) say
+    /// without it.
+    fn set(&self, t: f64, coords: &[[f64; 3]], start: &[f64], displacement: &mut [f64]) {
+        let pose = self.by_time.at(t);
+        for &i in &self.dofs {
+            let (node, c) = (i / 3, i % 3);
+            let moved = if self.by_time.rotates() {
+                let x = [0, 1, 2].map(|c| coords[node][c] + start[3 * node + c]);
+                pose.apply(x)[c] - x[c]
+            } else {
+                pose.displacement[c]
+            };
+            displacement[i] = start[i] + moved;
+        }
+    }
 }
 
 impl Prescribed {
@@ -67,10 +87,14 @@ impl Prescribed {
                 .filter(|n| *n < structure.n_canopy)
                 .flat_map(|n| (0..3).filter(|c| components[*c]).map(move |c| 3 * n + c))
                 .collect();
-            motions.push(Motion { dofs, table: m.in_stage(context.scene, context.stage, &times) });
+            let by_time = m
+                .in_stage(context.scene, context.stage, &times)
+                .map_err(|e| RunError::Input(format!("{key}: {e}")))?;
+            motions.push(Motion { dofs, by_time });
         }
         let rigid = RigidCanopy::of(context, &state.displacement)?;
-        Ok(Self { motions, start: state.displacement.clone(), rigid })
+        let coords = structure.coords[..structure.n_canopy].to_vec();
+        Ok(Self { motions, coords, start: state.displacement.clone(), rigid })
     }
 }
 
@@ -79,10 +103,7 @@ impl WindowSolver for Prescribed {
         let w = solve.window;
         let displacement = &mut solve.state.displacement;
         for m in &self.motions {
-            let d = m.table.at(w.time + w.dt);
-            for &i in &m.dofs {
-                displacement[i] = self.start[i] + d[i % 3];
-            }
+            m.set(w.time + w.dt, &self.coords, &self.start, displacement);
         }
         if let Some(rigid) = &self.rigid {
             rigid.add(w.time + w.dt, &self.start, displacement);

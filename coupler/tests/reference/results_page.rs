@@ -185,6 +185,13 @@ fn page() -> String {
     );
     add("Columns of `points.csv`", format!("One set for each point.\n\n{}", columns_table(columns::POINTS)));
     add("Columns of `probes.csv`", format!("One set for each probe.\n\n{}", columns_table(columns::PROBES)));
+    add(
+        "Columns of `reactions.csv`",
+        format!(
+            "One set for each group. Only components that are held or prescribed count; a group without any in a stage has zeros there.\n\n{}",
+            columns_table(columns::REACTIONS)
+        ),
+    );
     add("Columns of `payload.csv`", columns_table(columns::PAYLOAD));
     add("Columns of `{stage}-difference.csv`", differences_table());
     add("Fields of `progress.json`", fields_table("StageProgress", "crates/results/src/progress.rs"));

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::{BodyMotion, Motion, Role, Scene, Stage, StageKind, StageTimes};
+use crate::{BodyMotion, Motion, NodeMotion, Role, Scene, Stage, StageKind, StageTimes};
 
 /// Change of the wind, as a share of the speed of the stream, that the flow takes without notice: it changes
 /// the dynamic pressure by 0.2 %.
@@ -112,31 +112,25 @@ fn selection(nodes: &Option<String>, at_m: Option<[f64; 3]>) -> String {
     }
 }
 
-/// Velocity just after (`forward`) or just before `t`, m/s, of the components that the motion moves.
-fn velocity(m: &Motion, t: f64, forward: bool) -> [f64; 3] {
-    let t = if forward { t + ROUND_OFF } else { t - ROUND_OFF };
-    let after = m.time_s.partition_point(|s| *s <= t);
-    if after == 0 || after == m.time_s.len() {
-        return [0.0; 3];
-    }
-    let span = m.time_s[after] - m.time_s[after - 1];
-    let way = difference(m.displacement_m[after], m.displacement_m[after - 1]);
-    of_components(m, way.map(|d| d / span))
+/// Rates just after (`forward`) or just before `t` of what the motion moves: displacement, m/s, and angle, rad/s.
+fn rates(m: &Motion, of: &NodeMotion, t: f64, forward: bool) -> ([f64; 3], f64) {
+    let (v, rate) = of.rates(t, forward);
+    (of_components(m, v), rate)
 }
 
 fn of_components(m: &Motion, v: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| if m.components.contains(['x', 'y', 'z'][i]) { v[i] } else { 0.0 })
 }
 
-/// Velocity of the nodes of `m` at the end of the stage before `stage`, m/s; `None` where they are free in it.
-fn velocity_before(scene: &Scene, stage: usize, m: &Motion, times: &StageTimes) -> Option<[f64; 3]> {
+/// Rates of the nodes of `m` at the end of the stage before `stage`, as [`rates`]; `None` where they are free in it.
+fn rates_before(scene: &Scene, stage: usize, m: &Motion, times: &StageTimes) -> Option<([f64; 3], f64)> {
     let k = stage.checked_sub(1)?;
     let before = &scene.stages[k];
     let held = m.nodes.as_deref() == Some("held") || !before.kind.roles().contains(&Role::Structure);
     match before.motions.iter().find(|b| same_nodes(b, m)) {
-        _ if !before.in_time() => Some([0.0; 3]),
-        Some(b) => Some(velocity(&b.in_stage(scene, k, times), times.of(k), false)),
-        None => held.then_some([0.0; 3]),
+        _ if !before.in_time() => Some(Default::default()),
+        Some(b) => Some(rates(b, &b.in_stage(scene, k, times).ok()?, times.of(k), false)),
+        None => held.then_some(Default::default()),
     }
 }
 
@@ -147,38 +141,40 @@ fn motions(scene: &Scene, stage: usize, times: &StageTimes, all: &mut Vec<Jump>)
         return;
     }
     for m in &this.motions {
-        let (m, nodes) = (m.in_stage(scene, stage, times), selection(&m.nodes, m.at_m));
-        let name = &this.name;
-        let place = length(of_components(&m, m.at(0.0)));
+        let Ok(of) = m.in_stage(scene, stage, times) else { continue };
+        let (nodes, name, start) = (selection(&m.nodes, m.at_m), &this.name, of.at(0.0));
+        let place = length(of_components(m, start.displacement));
+        let mut jump = |size: f64, unit, what: String, remedy: &str| {
+            all.push(Jump { stage, key: "motion", size, unit, what, remedy: remedy.into() });
+        };
         if place > ROUND_OFF {
-            all.push(Jump {
-                stage,
-                key: "motion",
-                size: place,
-                unit: "m",
-                what: format!("{nodes} are displaced at the start of stage `{name}`"),
-                remedy: "begin the table with a displacement of zero at time 0".into(),
-            });
+            let what = format!("{nodes} are displaced at the start of stage `{name}`");
+            jump(place, "m", what, "begin the table with a displacement of zero at time 0");
         }
-        let Some(before) = velocity_before(scene, stage, &m, times) else { continue };
-        let after = velocity(&m, 0.0, true);
-        if length(difference(after, before)) > ROUND_OFF {
-            all.push(Jump {
-                stage,
-                key: "motion",
-                size: length(difference(after, before)),
-                unit: "m/s",
-                what: format!(
-                    "the velocity of {nodes} changes from {} m/s at the end of stage `{}` to {} m/s at the \
-                     start of stage `{name}`",
-                    shown(before),
-                    scene.stages[stage - 1].name,
-                    shown(after)
-                ),
-                remedy: "begin the table with intervals in which the velocity grows from that of the stage \
-                         before, or let the table of the stage before end at rest"
-                    .into(),
-            });
+        if start.angle.abs() > ROUND_OFF {
+            let what = format!("{nodes} are turned at the start of stage `{name}`");
+            jump(start.angle.abs(), "rad", what, "begin with an angle of zero at time 0");
+        }
+        let Some(before) = rates_before(scene, stage, m, times) else { continue };
+        let after = rates(m, &of, 0.0, true);
+        let between = |from: String, to: String| {
+            let before = &scene.stages[stage - 1].name;
+            format!(
+                "changes from {from} at the end of stage `{before}` to {to} at the start of stage `{name}`"
+            )
+        };
+        let size = length(difference(after.0, before.0));
+        if size > ROUND_OFF {
+            let change = between(format!("{} m/s", shown(before.0)), format!("{} m/s", shown(after.0)));
+            let remedy = "begin the table with intervals in which the velocity grows from that of the stage \
+                          before, or let the table of the stage before end at rest";
+            jump(size, "m/s", format!("the velocity of {nodes} {change}"), remedy);
+        }
+        let size = (after.1 - before.1).abs();
+        if size > ROUND_OFF.max(BODY_SHARE * of.largest_rate(this.windows(), this.window_s)) {
+            let change = between(format!("{:.3} rad/s", before.1), format!("{:.3} rad/s", after.1));
+            let remedy = "begin with an angle whose rate is that at the end of the stage before, as \"0.1*(1 - cos(t))\" after rest";
+            jump(size, "rad/s", format!("the angular velocity of {nodes} {change}"), remedy);
         }
     }
     ended_motions(scene, stage, times, all);
@@ -191,13 +187,15 @@ fn ended_motions(scene: &Scene, stage: usize, times: &StageTimes, all: &mut Vec<
     let rigid = !this.kind.roles().contains(&Role::Structure);
     for b in &scene.stages[k].motions {
         let held = rigid || b.nodes.as_deref() == Some("held");
-        let speed = length(velocity(&b.in_stage(scene, k, times), times.of(k), false));
+        let Ok(of) = b.in_stage(scene, k, times) else { continue };
+        let (v, rate) = rates(b, &of, times.of(k), false);
+        let (speed, unit) = if rate == 0.0 { (length(v), "m/s") } else { (rate.abs(), "rad/s") };
         if held && speed > ROUND_OFF && !this.motions.iter().any(|m| same_nodes(m, b)) {
             all.push(Jump {
                 stage,
                 key: "motion",
                 size: speed,
-                unit: "m/s",
+                unit,
                 what: format!(
                     "{} move at the end of stage `{}` and are held from the start of stage `{}`",
                     selection(&b.nodes, b.at_m),

@@ -186,7 +186,9 @@ fn motions_have_clocks_too() {
     let (one, two) = (stage("one"), stage("two"));
     let scene = read(&[FLOW, DEVELOP, &one, &run, &two, &run]);
     let times = StageTimes::planned(&scene);
-    let at = |k: usize, t: f64| scene.stages[k].motions[0].in_stage(&scene, k, &times).at(t)[2];
+    let at = |k: usize, t: f64| {
+        scene.stages[k].motions[0].in_stage(&scene, k, &times).expect("a motion").at(t).displacement[2]
+    };
     // 0.3 m at the end of the first, 0.2 m more in the second, which starts from there.
     assert!((at(1, 0.05) - 0.1).abs() < 1e-12 && (at(1, 0.1) - 0.3).abs() < 1e-12);
     assert!(

@@ -25,6 +25,7 @@ mod disk;
 mod fabric;
 mod flow;
 mod lines;
+mod reactions;
 mod resources;
 mod tapes;
 mod time;

@@ -3,7 +3,8 @@
 use super::facts::Facts;
 use super::finding::{Judged, Severity};
 use super::{
-    bodies, boundaries, descent, disk, fabric, flow, lines, names, resources, run_time, tapes, time,
+    bodies, boundaries, descent, disk, fabric, flow, lines, names, reactions, resources, run_time, tapes,
+    time,
 };
 
 /// A check: what Ripstop compares with what.
@@ -46,6 +47,7 @@ pub fn all() -> impl Iterator<Item = &'static Check> {
         time::CHECKS,
         boundaries::CHECKS,
         bodies::CHECKS,
+        reactions::CHECKS,
         resources::CHECKS,
         disk::CHECKS,
         run_time::CHECKS,

@@ -275,7 +275,7 @@ fn payload(scene: &Scene, mesh: &StructureMesh) -> Option<mesh::Point> {
 }
 
 fn masses(scene: &Scene, mesh: &StructureMesh) -> Masses {
-    let fabric = mesh.fabric_area(|_| true) * scene.fabric.thickness_m * scene.fabric.density_kg_m3;
+    let fabric = mesh.fabric_mass(scene);
     let of = |kind: CableKind| {
         kind.section(scene).map_or(0.0, |s| mesh.cable_length(kind) * s.mass_kg_m)
             + mesh.group_mass(kind, scene)

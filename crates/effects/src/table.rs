@@ -319,6 +319,22 @@ pub const TABLE: &[Entry] = &[
         with: None,
     },
     Entry {
+        key: "canopy.fabric",
+        what: "cloths of a mesh file by groups: thickness, density, moduli",
+        model: "membranes of their own thickness, density and moduli; off: all fabric is [fabric]",
+        equation: "as the fabric",
+        reference: "the paper, equation 3",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: part of what is built",
+        on: |s| !s.fabric_groups().is_empty(),
+        assess: c::fabric_groups,
+        cost: "none that is measurable: another cloth in the same loop",
+        needs: None,
+        without: None,
+        with: None,
+    },
+    Entry {
         key: "tapes",
         what: "tapes on the fabric by place: hem, seams, vents, grid",
         model: "cables of their own axial stiffness and mass that share canopy nodes; off: fabric alone",
@@ -451,6 +467,25 @@ pub const TABLE: &[Entry] = &[
         cost: "none",
         needs: None,
         without: Some(|s| s.stages.iter_mut().for_each(|g| g.motions.clear())),
+        with: None,
+    },
+    Entry {
+        key: "stage.motion.rotation",
+        what: "prescribed rotations of nodes",
+        model: "constrained components on circles about an axis, before the displacement of the motion",
+        equation: "x(t) = c + Q(angle(t)) (x_0 - c) + d(t)",
+        reference: "Rodrigues' formula",
+        programs: STRUCTURE,
+        announced_by: Some(Role::Structure),
+        criterion: "not assessed: part of what the scene prescribes",
+        on: |s| {
+            let turns = |g: &case::Stage| g.motions.iter().any(|m| m.rotation.is_some());
+            s.stages.iter().any(|g| turns(g) && g.kind.roles().contains(&Role::Structure))
+        },
+        assess: c::prescribed,
+        cost: "none",
+        needs: Some("stage.motion"),
+        without: None,
         with: None,
     },
     Entry {

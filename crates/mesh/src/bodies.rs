@@ -19,14 +19,24 @@ pub fn body_speed(stage: &Stage, grid: &FlowGrid) -> f64 {
     fastest
 }
 
-/// Largest speed of the canopy that `stage` moves as a rigid body, m/s, with its nodes at `nodes`; 0 where it moves none.
+/// Largest speed of the canopy that `stage` moves as a rigid body, or of nodes that it rotates, m/s, with the nodes of the canopy at `nodes`; 0 where it moves none.
 pub fn canopy_speed(scene: &Scene, stage: &Stage, nodes: &[[f64; 3]]) -> f64 {
     let of_canopy = stage.body_motions.iter().filter(|m| scene.moves_canopy(m));
     let speed = |rigid: case::RigidMotion| {
         let reach = nodes.iter().map(|x| rigid.reach(*x)).fold(0.0, f64::max);
         rigid.largest_speed(reach, stage.windows(), stage.window_s)
     };
-    of_canopy.filter_map(|m| m.compiled().ok()).map(speed).fold(0.0, f64::max)
+    let body = of_canopy.filter_map(|m| m.compiled().ok()).map(speed).fold(0.0, f64::max);
+    stage.motions.iter().filter_map(|m| turning_speed(scene, stage, m, nodes)).fold(body, f64::max)
+}
+
+/// Largest speed, m/s, that the rotation of a motion would give any of the canopy's `nodes` (m); `None` without one.
+fn turning_speed(scene: &Scene, stage: &Stage, motion: &case::Motion, nodes: &[[f64; 3]]) -> Option<f64> {
+    motion.rotation.as_ref()?;
+    let k = scene.stages.iter().position(|s| s.name == stage.name)?;
+    let motion = motion.in_stage(scene, k, &case::StageTimes::planned(scene)).ok()?;
+    let reach = nodes.iter().map(|x| motion.reach(*x)).fold(0.0, f64::max);
+    Some(reach * motion.largest_rate(stage.windows(), stage.window_s))
 }
 
 /// Room of a canopy that a stage moves as a rigid body.

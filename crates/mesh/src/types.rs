@@ -39,6 +39,9 @@ pub struct StructureMesh {
     pub faces: Vec<[u32; 4]>,
     /// Panel of each face (0: top; arms from 1), for pictures and reports.
     pub face_panel: Vec<u32>,
+    /// Place of the group of each face in the scene's `[[canopy.fabric]]`, whose cloth it has; `None` where it is `[fabric]`. Empty: all are.
+    #[serde(default)]
+    pub face_fabric: Vec<Option<u16>>,
     /// Membrane elements, oriented as their face.
     pub triangles: Vec<[u32; 3]>,
     /// Interface face of each triangle.

@@ -237,6 +237,24 @@ pub const POINTS: &[Column] = &[
     column("{point}_z_m", "The same, z."),
 ];
 
+/// Columns of `reactions.csv`, a row for each accepted window, where the scene has `[[output.reaction]]`; one set for each group.
+pub const REACTIONS: &[Column] = &[
+    column("time_s", "Time at the end of the window, from the start of the stage."),
+    column(
+        "{group}_force_x_n",
+        "Mean force over the window that holds the nodes or moves them as prescribed, along x; of a static stage that at rest. Where the scene has \
+         `[fabric_gravity]` it also carries their weight and inertia in the frame.",
+    ),
+    column("{group}_force_y_n", "The same, y."),
+    column("{group}_force_z_n", "The same, z."),
+    column(
+        "{group}_moment_x_n_m",
+        "Mean moment of these forces about `moment_point_m`, or about the centroid of the nodes in the unstressed shape, along x.",
+    ),
+    column("{group}_moment_y_n_m", "The same, y."),
+    column("{group}_moment_z_n_m", "The same, z."),
+];
+
 /// Columns of `payload.csv`, a row for each accepted window, where the scene has `[descent.body]`.
 pub const PAYLOAD: &[Column] = &[
     column("time_s", "Time at the end of the window, from the start of the stage."),

@@ -115,6 +115,12 @@ pub const RUN: &[ResultFile] = &[
         "each accepted window, with `[descent.body]`",
         "Motion of the payload, CSV.",
     ),
+    file(
+        "{stage}/reactions.csv",
+        STRUCTURE,
+        "each accepted window, with `[[output.reaction]]`",
+        "Forces and moments that hold groups of nodes or move them as prescribed, CSV.",
+    ),
     file("{stage}/grid.txt", FLOW, "start of the stage", "Size and quality of the flow grid, text."),
     file("{stage}/flow.pvd", FLOW, "`output.volume_every_windows`", "Time series of the flow, ParaView."),
     file(

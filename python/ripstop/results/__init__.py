@@ -229,6 +229,12 @@ class Stage:
         return self.table("points")
 
     @property
+    def reactions(self):
+        """`reactions.csv`: force (N) and moment (N m) that hold each `[[output.reaction]]`, indexed
+        by window."""
+        return self.table("reactions")
+
+    @property
     def probes(self):
         """`probes.csv`: values of the air at each `[[flow.probe]]`, indexed by window."""
         return self.table("probes")

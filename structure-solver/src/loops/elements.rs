@@ -25,6 +25,8 @@ pub struct Elements<K: Kernel<N>, const N: usize> {
     rows: Option<Vec<u32>>,
     /// Places of cable elements among the cables of the model.
     cables: Vec<u32>,
+    /// Places among the triangles of the model of the rows that are reported.
+    sheets: Vec<u32>,
     /// Internal variables at the accepted state; none where the kernel has none.
     accepted: Vec<[f64; 2]>,
     /// Energy that internal variables took since it was asked for, J.
@@ -44,8 +46,8 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     ) -> Self {
         let elements =
             parts.map(|(nodes, face, data)| Element { stencil: Stencil::new(nodes), face, data }).collect();
-        let mut all =
-            Self { kernel, elements, n_own, rows, cables: Vec::new(), accepted: Vec::new(), dissipated: 0.0 };
+        let (cables, sheets, accepted) = (Vec::new(), Vec::new(), Vec::new());
+        let mut all = Self { kernel, elements, n_own, rows, cables, sheets, accepted, dissipated: 0.0 };
         all.keep();
         all
     }
@@ -53,6 +55,11 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     /// With the places of its elements among the cables of the model.
     pub(super) fn with_cables(self, cables: Vec<u32>) -> Self {
         Self { cables, ..self }
+    }
+
+    /// With the places of the rows that are reported among the triangles of the model.
+    pub(super) fn with_sheets(self, sheets: Vec<u32>) -> Self {
+        Self { sheets, ..self }
     }
 
     fn set_histories(&mut self, all: &[[f64; 2]]) {
@@ -359,6 +366,10 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
             let sheet = self.kernel.sheet(&e.data, &x)?;
             Some(stress_direction(&sheet.stress, self.kernel.tangents(&e.data, &x)?))
         })
+    }
+
+    fn sheets(&self) -> &[u32] {
+        &self.sheets
     }
 
     fn cables(&self) -> &[u32] {

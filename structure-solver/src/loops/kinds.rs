@@ -26,13 +26,25 @@ fn between(model: &Model, [a, b]: [u32; 2]) -> Vec3 {
 impl<L: StepLaw> Elements<Triangle<L>, 3> {
     /// All triangles of `model`: thickness in m, density in kg/m3.
     pub fn triangles(model: &Model, law: L, thickness: f64, density: f64) -> Self {
+        Self::triangles_of(model, |_| true, law, thickness, density)
+    }
+
+    /// The triangles of `model` whose cloth is of the `chosen` groups.
+    pub fn triangles_of(
+        model: &Model,
+        chosen: impl Fn(Option<u16>) -> bool,
+        law: L,
+        thickness: f64,
+        density: f64,
+    ) -> Self {
         let kernel = Triangle::new(law, density);
-        let parts: Vec<_> = model
-            .triangles
-            .iter()
-            .map(|t| (t.nodes, t.face, kernel.element(&t.reference, thickness)))
-            .collect();
-        Self::new(kernel, parts.into_iter(), model.n_own_triangles, None)
+        let (mut sheets, mut parts) = (Vec::new(), Vec::new());
+        for (row, t) in model.triangles.iter().enumerate().filter(|(_, t)| chosen(t.fabric)) {
+            sheets.push(row as u32);
+            parts.push((t.nodes, t.face, kernel.element(&t.reference, thickness)));
+        }
+        let n_own = sheets.partition_point(|row| (*row as usize) < model.n_own_triangles);
+        Self::new(kernel, parts.into_iter(), n_own, None).with_sheets(sheets)
     }
 }
 
@@ -40,26 +52,49 @@ impl<L: StepLaw> Elements<Quad<L>, 4> {
     /// All quadrilaterals of `model`: thickness in m, density in kg/m3. Their states are reported
     /// for the triangles of each face, in the order of [`Model::triangles`].
     pub fn quads(model: &Model, law: L, thickness: f64, density: f64) -> Self {
+        Self::quads_of(model, |_| true, law, thickness, density)
+    }
+
+    /// As [`Elements::quads`], of those whose cloth is of the `chosen` groups.
+    pub fn quads_of(
+        model: &Model,
+        chosen: impl Fn(Option<u16>) -> bool,
+        law: L,
+        thickness: f64,
+        density: f64,
+    ) -> Self {
         let kernel = Quad::new(law, thickness, density);
-        let element: HashMap<u32, u32> =
-            model.quads.iter().enumerate().map(|(k, q)| (q.face, k as u32)).collect();
+        let (own, ghosts) = model.quads.split_at(model.n_own_quads);
+        let n_own = own.iter().filter(|q| chosen(q.fabric)).count();
+        let all = own.iter().chain(ghosts).filter(|q| chosen(q.fabric));
+        let element: HashMap<u32, u32> = all.clone().enumerate().map(|(k, q)| (q.face, k as u32)).collect();
         // A triangle that touches this rank has its whole face here.
-        let rows = model.triangles.iter().map(|t| element[&t.face]).collect();
-        let parts: Vec<_> =
-            model.quads.iter().map(|q| (q.nodes, q.face, kernel.element(q.reference))).collect();
-        Self::new(kernel, parts.into_iter(), model.n_own_quads, Some(rows))
+        let reported = model.triangles.iter().enumerate().filter(|(_, t)| chosen(t.fabric));
+        let (sheets, rows) = reported.map(|(row, t)| (row as u32, element[&t.face])).unzip();
+        let parts: Vec<_> = all.map(|q| (q.nodes, q.face, kernel.element(q.reference))).collect();
+        Self::new(kernel, parts.into_iter(), n_own, Some(rows)).with_sheets(sheets)
     }
 }
 
 impl Elements<BentFace, 4> {
     /// All split faces of `model`: thickness in m, density in kg/m3.
     pub fn bent_faces(model: &Model, thickness: f64, density: f64) -> Self {
+        Self::bent_faces_of(model, |_| true, thickness, density)
+    }
+
+    /// The split faces of `model` whose cloth is of the `chosen` groups.
+    pub fn bent_faces_of(
+        model: &Model,
+        chosen: impl Fn(Option<u16>) -> bool,
+        thickness: f64,
+        density: f64,
+    ) -> Self {
         let of = |f: &crate::model::SplitFace| {
             let x = f.nodes.map(|n| at(&model.reference, n as usize));
             (f.nodes, f.face, BentFace::element(&x, thickness * density))
         };
         // No energy is counted.
-        Self::new(BentFace, model.split_faces.iter().map(of), 0, None)
+        Self::new(BentFace, model.split_faces.iter().filter(|f| chosen(f.fabric)).map(of), 0, None)
     }
 }
 

@@ -127,7 +127,7 @@ impl RigidMotion {
 
     /// Distance of a point from the axis of the rotation at the start of the stage, m; 0 without rotation.
     pub fn reach(&self, x: [f64; 3]) -> f64 {
-        self.rotation.as_ref().map_or(0.0, |(_, axis, point)| length(cross(*axis, difference(x, *point))))
+        self.rotation.as_ref().map_or(0.0, |(_, axis, point)| distance_from_axis(x, *axis, *point))
     }
 
     /// Largest speed, m/s, of points within `reach` (m) of the axis, as the mean over each of `windows` windows of `window_s`
@@ -147,6 +147,16 @@ impl RigidMotion {
 }
 
 impl Pose {
+    /// A rotation by `angle` (rad) about the unit vector `axis` through `point` (m), then a displacement (m).
+    pub(super) fn new(displacement: [f64; 3], angle: f64, axis: [f64; 3], point: [f64; 3]) -> Self {
+        Self { displacement, angle, axis, point }
+    }
+
+    /// A displacement (m) alone.
+    pub(super) fn displaced(displacement: [f64; 3]) -> Self {
+        Self::new(displacement, 0.0, [0.0; 3], [0.0; 3])
+    }
+
     /// Whether all of it is finite.
     pub fn is_finite(&self) -> bool {
         self.displacement.iter().all(|d| d.is_finite()) && self.angle.is_finite()
@@ -162,6 +172,11 @@ impl Pose {
         let turned = |i: usize| sine * first[i] + 2.0 * half * half * second[i];
         [0, 1, 2].map(|i| x[i] + (self.displacement[i] + turned(i)))
     }
+}
+
+/// Distance of `x` (m) from the axis along the unit vector `axis` through `point` (m).
+pub(super) fn distance_from_axis(x: [f64; 3], axis: [f64; 3], point: [f64; 3]) -> f64 {
+    length(cross(axis, difference(x, point)))
 }
 
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
@@ -180,7 +195,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 const SAMPLES: u64 = 100_000;
 
 /// Ends of the windows of a stage, s: all of them, or the first [`SAMPLES`].
-fn sample_times(windows: u64, window_s: f64) -> impl Iterator<Item = f64> {
+pub(super) fn sample_times(windows: u64, window_s: f64) -> impl Iterator<Item = f64> {
     (1..=windows.min(SAMPLES)).map(move |k| k as f64 * window_s)
 }
 

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cable_groups::{self, CableGroup};
 use super::cross::{self, CrossCanopy};
+use super::fabric_groups::{self, FabricGroup};
 use super::gored::{self, GoredCanopy};
 use super::pattern::{self, PatternCanopy};
 use crate::check::Check;
@@ -34,7 +35,7 @@ pub enum Canopy {
     /// Triangles and quadrilaterals of the file are fabric; where the file has a volume grid too, those of the physical
     /// group `canopy`. Physical groups named `lines`, `risers` and `reinforcements` are cables at their rest length;
     /// `fixed`, `fixed-x`, `fixed-y` and `fixed-z` hold nodes; `payload` is the point of the payload. `[[canopy.cable]]` gives groups of curves
-    /// sections, unstretched lengths and pretensions of their own.
+    /// sections, unstretched lengths and pretensions of their own, `[[canopy.fabric]]` groups of surfaces a cloth of their own.
     Gmsh(GmshCanopy),
     /// A canopy sewn from flat panels, whose outlines, seams and attachments a pattern file gives (TOML, metres). Fabric is without stress where each panel is
     /// flat; the mesh starts from an assembled shape without tension. A flow needs `[flow.immersed]`.
@@ -166,6 +167,9 @@ pub struct GmshCanopy {
     /// Kinds of cables, by physical groups of curves.
     #[serde(default, rename = "cable")]
     pub cables: Vec<CableGroup>,
+    /// Kinds of cloth, by physical groups of surfaces.
+    #[serde(default, rename = "fabric")]
+    pub fabrics: Vec<FabricGroup>,
 }
 
 /// A flat rectangular panel in the plane z = 0, its middle at the origin. It has no
@@ -281,6 +285,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
                 );
             }
             cable_groups::check(&g.cables, c);
+            fabric_groups::check(&g.fabrics, scene, c);
         }
     }
     if scene.lines.is_none() && scene.has_cables() {

@@ -16,6 +16,7 @@ mod cross;
 mod descent;
 mod dryden;
 mod fabric;
+mod fabric_groups;
 mod flow;
 mod flow_grid;
 mod gored;
@@ -68,6 +69,7 @@ pub(crate) use descent::STANDARD_GRAVITY;
 pub use descent::{Descent, DescentEquation, FrameMotion, PayloadBody, PayloadDrag};
 pub(crate) use dryden::DrydenTurbulence;
 pub use fabric::{Cloth, Contact, Fabric, FabricGravity, Law, Orthotropic, Permeability};
+pub use fabric_groups::FabricGroup;
 pub use flow::{
     Convection, Energy, Flow, FlowMethod, FlowSolver, GAS_CONSTANT, HEAT_RATIO, Limiter, Turbulence,
     Viscosity, WallTreatment,
@@ -82,9 +84,9 @@ pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
 pub use monitors::{
     CANOPY, ForceCoefficients, Forces, Probe, Slice, Statistics, SurfacePressure, WatchedForce,
 };
-pub use motions::{Motion, interpolate};
+pub use motions::{Motion, NodeMotion, NodeRotation, interpolate};
 pub use nodes::{Force, PointMass};
-pub use output::{CanopyPoint, Output};
+pub use output::{CanopyPoint, Output, Reaction};
 pub use pattern::PatternCanopy;
 pub use perturbation::Perturbation;
 use programs::Programs;

@@ -10,8 +10,8 @@ use crate::check::Check;
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PointMass {
-    /// Name of a node set: `held`, `rim`, `canopy`, or a physical group of the mesh
-    /// file.
+    /// Name of a node set: `held`, `rim`, `canopy`, an edge of a panel (`left` and `right` at low and high x, `front` and `back` at low and high y), or a
+    /// physical group of the mesh file.
     pub nodes: Option<String>,
     /// In place of a name: the node nearest to this point of the unstressed shape, m.
     pub at_m: Option<[f64; 3]>,
@@ -23,8 +23,8 @@ pub struct PointMass {
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Force {
-    /// Name of a node set: `held`, `rim`, `canopy`, or a physical group of the mesh
-    /// file.
+    /// Name of a node set: `held`, `rim`, `canopy`, an edge of a panel (`left` and `right` at low and high x, `front` and `back` at low and high y), or a
+    /// physical group of the mesh file.
     pub nodes: Option<String>,
     /// In place of a name: the node nearest to this point of the unstressed shape, m.
     pub at_m: Option<[f64; 3]>,

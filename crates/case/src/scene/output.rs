@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::nodes::selection;
 use crate::Scene;
 use crate::check::{Check, plain_name};
 
@@ -25,6 +26,9 @@ pub struct Output {
     /// Points of the canopy whose displacement is written after every window.
     #[serde(rename = "point")]
     pub points: Vec<CanopyPoint>,
+    /// Groups of nodes whose reactions are written after every window.
+    #[serde(rename = "reaction")]
+    pub reactions: Vec<Reaction>,
 }
 
 /// A point of the canopy whose displacement is written after every window of a stage with the structure, to `points.csv` in the stage's folder.
@@ -37,8 +41,46 @@ pub struct CanopyPoint {
     pub at_m: [f64; 3],
 }
 
+/// Force and moment that hold nodes or move them as prescribed, after every window of a stage with the structure, in `reactions.csv` in the stage's
+/// folder. Only held or prescribed components count: a free node has no reaction.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Reaction {
+    /// Begins the names of its columns.
+    pub name: String,
+    /// Name of a node set: `held`, `rim`, `canopy`, an edge of a panel (`left` and `right` at low and high x, `front` and `back` at low and high y), or a
+    /// physical group of the mesh file.
+    pub nodes: Option<String>,
+    /// In place of a name: the node nearest to this point of the unstressed shape, m.
+    pub at_m: Option<[f64; 3]>,
+    /// Point about which the moment is taken, in the falling frame, m. Absent: the centroid of the nodes in the unstressed shape.
+    pub moment_point_m: Option<[f64; 3]>,
+}
+
+/// Refuses groups without nodes or a canopy, and names that are no columns.
+fn reactions(scene: &Scene, c: &mut Check) {
+    let all = &scene.output.reactions;
+    if !all.is_empty() && !scene.has_canopy() {
+        c.refuse("output.reaction", "the scene has no canopy, and nothing that is held", "remove it");
+    }
+    for (k, r) in all.iter().enumerate() {
+        let key = format!("output.reaction[{k}]");
+        selection(&key, &r.nodes, &r.at_m, c);
+        let points = r.at_m.iter().chain(&r.moment_point_m).flatten().copied().collect::<Vec<_>>();
+        c.finite(&key, &points, "a point", "three in m");
+        if !plain_name(&r.name) || all[..k].iter().any(|q| q.name == r.name) {
+            c.refuse(
+                &format!("{key}.name"),
+                format!("\"{}\" begins the names of no columns, or of those of another group", r.name),
+                "use letters, digits, `-`, `_` and `.`, and each name once",
+            );
+        }
+    }
+}
+
 /// Refuses points without a canopy, and names that are no columns.
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
+    reactions(scene, c);
     let points = &scene.output.points;
     if !points.is_empty() && !scene.has_canopy() {
         c.refuse(
@@ -68,6 +110,7 @@ impl Default for Output {
             checkpoint_every_windows: None,
             folder: None,
             points: Vec::new(),
+            reactions: Vec::new(),
         }
     }
 }

@@ -299,7 +299,7 @@ fn nodes(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
         force.check(&at(&format!("force[{k}]")), c);
     }
     for (k, motion) in s.motions.iter().enumerate() {
-        motion.check(&at(&format!("motion[{k}]")), c);
+        motion.check(&at(&format!("motion[{k}]")), s.solve == Solve::Static, s.duration_s, c);
         if s.solve == Solve::Static && motion.clock.is_some_and(|clock| clock != Clock::Stage) {
             c.refuse(
                 &at(&format!("motion[{k}].clock")),

@@ -238,6 +238,11 @@ pub fn cable_groups(_: &Scope<'_>) -> Assessment {
     )
 }
 
+/// Cloths of a mesh file are part of what is built.
+pub fn fabric_groups(_: &Scope<'_>) -> Assessment {
+    Assessment::not("part of what is built: the cloths of a mesh file are the designer's")
+}
+
 /// Fabric that weighs $`\rho t g`$ per area relieves the pressure jump $`p`$ by that share: the crown sinks, and the
 /// drag area changes by about half of it; the lines no longer carry the weight of the fabric and of half of
 /// themselves (the paper, equation 1). Without the effect all weight acts at the payload. Within a factor of 5.

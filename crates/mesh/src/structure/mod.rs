@@ -151,6 +151,37 @@ impl StructureMesh {
             .sum()
     }
 
+    /// Group of a face among those of `[[canopy.fabric]]`; `None` where it is `[fabric]`.
+    pub fn fabric_group(&self, face: usize) -> Option<u16> {
+        self.face_fabric.get(face).copied().flatten()
+    }
+
+    /// Mean mass of the fabric for each area, kg/m2.
+    pub fn mean_areal_mass(&self, scene: &Scene) -> f64 {
+        if self.face_fabric.iter().all(Option::is_none) {
+            return scene.fabric.thickness_m * scene.fabric.density_kg_m3;
+        }
+        self.fabric_mass(scene) / self.fabric_area(|_| true)
+    }
+
+    /// Mass of the fabric, kg: each face with the thickness and density of its cloth.
+    pub fn fabric_mass(&self, scene: &Scene) -> f64 {
+        let areal = |group: Option<u16>| {
+            let f = scene.fabric_of(group);
+            (f.thickness_m, f.density_kg_m3)
+        };
+        if self.face_fabric.iter().all(Option::is_none) {
+            let (thickness, density) = areal(None);
+            return self.fabric_area(|_| true) * thickness * density;
+        }
+        let of = |(t, face): (usize, &u32)| {
+            let [a, b, c] = self.reference_triangle(t);
+            let (thickness, density) = areal(self.fabric_group(*face as usize));
+            0.5 * (b - a).cross(&(c - a)).norm() * thickness * density
+        };
+        self.triangle_face.iter().enumerate().map(of).sum()
+    }
+
     /// Unstretched length of the lines or tapes of a kind with the section of that kind, m.
     pub fn cable_length(&self, kind: CableKind) -> f64 {
         self.cables

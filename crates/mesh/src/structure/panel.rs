@@ -5,7 +5,8 @@ use case::{PanelCanopy, PanelEdges};
 use super::{positive, refuse};
 use crate::{MeshError, StructureMesh};
 
-/// Node (i, j) of a panel is `i + (cells[0] + 1) j`: along x first.
+/// Node (i, j) of a panel is `i + (cells[0] + 1) j`: along x first. Its edges are node sets: `left` and `right` at low and high x, `front` and `back` at low and
+/// high y.
 pub(super) fn panel(p: &PanelCanopy) -> Result<StructureMesh, MeshError> {
     let [lx, ly] = [positive("canopy.size_m", p.size_m[0])?, positive("canopy.size_m", p.size_m[1])?];
     if let Some(n) = p.cells.into_iter().find(|n| !(1..=10_000).contains(n)) {
@@ -31,6 +32,10 @@ pub(super) fn panel(p: &PanelCanopy) -> Result<StructureMesh, MeshError> {
         }
     }
     mesh.n_canopy = mesh.coords.len();
+    let along_x = |j: usize| (0..=nx).map(|i| node(i, j)).collect();
+    let along_y = |i: usize| (0..=ny).map(|j| node(i, j)).collect();
+    let edges = [("left", along_y(0)), ("right", along_y(nx)), ("front", along_x(0)), ("back", along_x(ny))];
+    mesh.node_sets = edges.map(|(name, nodes)| (name.into(), nodes)).into();
     for j in 0..ny {
         for i in 0..nx {
             let quad = [node(i, j), node(i + 1, j), node(i + 1, j + 1), node(i, j + 1)];

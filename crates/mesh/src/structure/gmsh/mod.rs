@@ -4,13 +4,14 @@
 //! file that also holds a flow grid, those of the physical group `canopy`.
 //! Names of physical groups mark everything else: curves in `lines`,
 //! `risers` or `reinforcements` are cables (rest length: their length in the
-//! file; each curve is one line), and so are curves in a group that a scene gives a section by `[[canopy.cable]]`; anything in `fixed`, `fixed-x`, `fixed-y` or
+//! file; each curve is one line), and so are curves in a group that a scene gives a section by `[[canopy.cable]]`; surfaces in a group of
+//! `[[canopy.fabric]]` have its cloth; anything in `fixed`, `fixed-x`, `fixed-y` or
 //! `fixed-z` holds its nodes; a point in `payload` carries the payload and is fixed.
 //! A scene may speak of the nodes of any physical group by its name.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
-use case::{CableGroup, CablePart, GmshCanopy};
+use case::{CablePart, GmshCanopy};
 
 use crate::geometry::at;
 use crate::msh::{Block, ElementShape, Msh, Tag};
@@ -24,7 +25,7 @@ pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<Str
     let path = &canopy.file;
     let bad = |reason: String| MeshError::File { path: path.clone(), reason };
     let parts = Msh::read(path)?;
-    let mut builder = Builder::new(&parts, &canopy.cables);
+    let mut builder = Builder::new(&parts, canopy);
     builder.add_fabric();
     if builder.mesh.n_canopy == 0 {
         return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid)".into()));
@@ -37,6 +38,13 @@ pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<Str
             if have.is_empty() { "none".into() } else { have.join(", ") }
         )));
     }
+    if let Some(missing) = builder.group_without_surfaces() {
+        let have = parts.names_in(2);
+        return Err(bad(format!(
+            "has no fabric in the physical group \"{missing}\", which [[canopy.fabric]] names; its groups of surfaces are: {}",
+            if have.is_empty() { "none".into() } else { have.join(", ") }
+        )));
+    }
     builder.name_sets();
     judge(&builder.mesh).map_err(bad)?;
     Ok(builder.mesh)
@@ -45,8 +53,8 @@ pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<Str
 /// A structure mesh while elements of a file are added to it.
 struct Builder<'a> {
     parts: &'a Msh,
-    /// Groups with a section of their own.
-    groups: &'a [CableGroup],
+    /// With the groups of curves and surfaces that have a section or a cloth of their own.
+    canopy: &'a GmshCanopy,
     /// The file also holds a flow grid, whose outer surfaces are no fabric.
     with_grid: bool,
     mesh: StructureMesh,
@@ -55,9 +63,9 @@ struct Builder<'a> {
 }
 
 impl<'a> Builder<'a> {
-    fn new(parts: &'a Msh, groups: &'a [CableGroup]) -> Self {
+    fn new(parts: &'a Msh, canopy: &'a GmshCanopy) -> Self {
         let with_grid = parts.blocks.iter().any(|b| b.shape.is_volume());
-        Self { parts, groups, with_grid, mesh: StructureMesh::default(), number: HashMap::new() }
+        Self { parts, canopy, with_grid, mesh: StructureMesh::default(), number: HashMap::new() }
     }
 
     fn is_fabric(&self, b: &Block) -> bool {
@@ -86,6 +94,10 @@ impl<'a> Builder<'a> {
         let mut panels: Vec<Tag> = Vec::new();
         for (entity, nodes) in fabric {
             let panel = place_in(&mut panels, entity);
+            let cloth = self.cloth_of(entity);
+            if !self.canopy.fabrics.is_empty() {
+                self.mesh.face_fabric.push(cloth);
+            }
             let nodes: Vec<u32> = nodes.iter().map(|&tag| self.add(tag)).collect();
             let mesh = &mut self.mesh;
             if let [a, b, c] = nodes[..] {
@@ -100,6 +112,12 @@ impl<'a> Builder<'a> {
                 mesh.push_quad([a, b, c, d], panel, straight);
             }
         }
+    }
+
+    /// Place of the group of `[[canopy.fabric]]` that a surface is in.
+    fn cloth_of(&self, entity: Tag) -> Option<u16> {
+        let named = |name: &str| self.canopy.fabrics.iter().position(|g| g.group == name);
+        self.parts.names_of(entity).find_map(named).map(|k| k as u16)
     }
 
     /// Cables, held nodes and the payload: what physical groups say by their names.
@@ -131,9 +149,10 @@ impl<'a> Builder<'a> {
 
     /// Cables along a curve: one where one of its groups has a section of its own, else one for each group that names a kind.
     fn cables_of(&self, entity: Tag) -> Vec<CurveCable> {
-        let named = |name: &str| self.groups.iter().position(|g| g.group == name);
+        let groups = &self.canopy.cables;
+        let named = |name: &str| groups.iter().position(|g| g.group == name);
         if let Some(k) = self.parts.names_of(entity).find_map(named) {
-            let g = &self.groups[k];
+            let g = &groups[k];
             return vec![CurveCable {
                 kind: part_kind(g.part),
                 group: Some(k as u16),
@@ -161,7 +180,15 @@ impl<'a> Builder<'a> {
     /// A group that the scene names and that has no curve.
     fn group_without_curves(&self) -> Option<&'a str> {
         let used = |k: usize| self.mesh.cables.iter().any(|c| c.group == Some(k as u16));
-        (0..self.groups.len()).find(|k| !used(*k)).map(|k| self.groups[k].group.as_str())
+        let groups = &self.canopy.cables;
+        (0..groups.len()).find(|k| !used(*k)).map(|k| groups[k].group.as_str())
+    }
+
+    /// A group of fabric that the scene names and that has no surface.
+    fn group_without_surfaces(&self) -> Option<&'a str> {
+        let groups = &self.canopy.fabrics;
+        let used = |k: usize| self.mesh.face_fabric.contains(&Some(k as u16));
+        (0..groups.len()).find(|k| !used(*k)).map(|k| groups[k].group.as_str())
     }
 
     /// Elements but for volumes and their outer surfaces, which belong to the air.
@@ -254,130 +281,4 @@ fn judge(mesh: &StructureMesh) -> Result<(), String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two quadrilaterals' worth of fabric, one of them cut, a line and a payload.
-    const FILE: &str = r#"$MeshFormat
-4.1 0 8
-$EndMeshFormat
-$PhysicalNames
-3
-0 7 "payload"
-1 2 "lines"
-1 3 "fixed-z"
-$EndPhysicalNames
-$Entities
-1 2 1 0
-1 1 0 -3 1 7
-4 0 0 0 0 1 0 1 3 0
-5 1 0 -3 1 0 0 1 2 2 1 -2
-1 0 0 0 2 1 0 0 0
-$EndEntities
-$Comment
-anything at all
-$EndComment
-$Nodes
-2 7 1 9
-2 1 0 6
-1
-2
-3
-4
-5
-6
-0 0 0
-1 0 0
-2 0 0
-0 1 0
-1 1 0
-2 1 0
-0 1 0 1
-9
-1 0 -3
-$EndNodes
-$Elements
-5 6 1 6
-2 1 3 1
-1 1 2 5 4
-2 1 2 2
-2 2 3 6
-3 2 6 5
-1 4 1 1
-4 4 1
-1 5 1 1
-5 2 9
-0 1 15 1
-6 9
-$EndElements
-"#;
-
-    fn read(text: &str) -> Result<StructureMesh, MeshError> {
-        read_with(text, Vec::new())
-    }
-
-    fn read_with(text: &str, cables: Vec<CableGroup>) -> Result<StructureMesh, MeshError> {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("canopy.msh");
-        std::fs::write(&file, text).unwrap();
-        gmsh(&GmshCanopy { file, cables }, Some(5.0))
-    }
-
-    /// A group by another name is a cable where the scene gives it a section, shorter than in the file by its factor; a name without curves is refused.
-    #[test]
-    fn groups_with_sections_are_cables() {
-        let text = FILE.replace("\"lines\"", "\"kevlar\"");
-        // Without its section the group is no cable, so that nothing holds the payload.
-        assert!(read(&text).unwrap_err().to_string().contains("belongs to no fabric and no cable"));
-        let group = |name: &str| CableGroup {
-            group: name.into(),
-            part: CablePart::Riser,
-            axial_stiffness_n: 2e3,
-            mass_kg_m: 0.01,
-            rest_length_factor: 0.5,
-            pretension_n: 0.0,
-            tension_only: true,
-            retardation_time_s: 0.0,
-        };
-        let mesh = read_with(&text, vec![group("kevlar")]).unwrap();
-        let c = mesh.cables[0];
-        assert_eq!((c.kind, c.rest_length, c.group), (CableKind::Riser, 1.5, Some(0)));
-        // The scene's word counts more than the name of the group, and each curve is one cable.
-        let mesh = read_with(FILE, vec![group("lines")]).unwrap();
-        assert_eq!((mesh.cables.len(), mesh.cables[0].kind), (1, CableKind::Riser));
-        let error = read_with(FILE, vec![group("kevlar")]).unwrap_err().to_string();
-        assert!(error.contains("\"kevlar\"") && error.contains("fixed-z, lines"), "{error}");
-    }
-
-    #[test]
-    fn gmsh_canopy_is_read_completely() {
-        let mesh = read(FILE).unwrap();
-        assert_eq!((mesh.n_canopy, mesh.coords.len()), (6, 7));
-        assert_eq!(mesh.faces, [[0, 1, 4, 3], [1, 2, 5, 5], [1, 5, 4, 4]]);
-        assert_eq!(mesh.triangles.len(), 4);
-        assert!((mesh.fabric_area(|_| true) - 2.0).abs() < 1e-14);
-        assert_eq!(mesh.cables.len(), 1);
-        assert_eq!((mesh.cables[0].nodes, mesh.cables[0].rest_length), ([1, 6], 3.0));
-        assert_eq!(mesh.point_masses, [(6, 5.0)]);
-        assert_eq!((&mesh.node_sets["fixed-z"], &mesh.node_sets["payload"]), (&vec![0, 3], &vec![6]));
-        assert_eq!(mesh.fixed, [(0, [false, false, true]), (3, [false, false, true]), (6, [true; 3])]);
-    }
-
-    #[test]
-    fn errors_report_the_line() {
-        let reason = |from: &str, to: &str| match read(&FILE.replacen(from, to, 1)) {
-            Err(MeshError::File { reason, .. }) => reason,
-            other => panic!("{other:?}"),
-        };
-        assert!(reason("4.1 0 8", "2.2 0 8").contains("format 4.1"));
-        assert!(reason("1 1 2 5 4", "1 1 2 8 4").contains("line 42: node 8"));
-        assert!(reason("2 1 3 1", "2 1 16 1").contains("element type 16"));
-        assert!(reason("1 0 -3\n$End", "1 zero -3\n$End").contains("\"zero\" is not a coordinate"));
-        assert!(reason("0 1 0\n1 1 0", "0 1 0\n0.5 0 0").contains("no area"));
-        assert!(reason("$EndElements\n", "").contains("the file ends"));
-        assert!(matches!(
-            gmsh(&GmshCanopy { file: "/none.msh".into(), cables: Vec::new() }, None),
-            Err(MeshError::Io { .. })
-        ));
-    }
-}
+mod tests;
