@@ -521,7 +521,7 @@ impl<G, V: Viscosity> Spatial<G, V> {
         }
     }
 
-    /// No friction, but the normal stress of air that spreads along a slip wall or a plane of symmetry.
+    /// No friction, but the normal stress of air that spreads along a slip wall or a plane of symmetry, and its work on a wall that moves.
     /// `missing`: what the gradient of the cell lacks of the slope of the normal velocity along the normal, 1/s.
     fn normal_stress<const N: usize>(
         &self,
@@ -533,21 +533,17 @@ impl<G, V: Viscosity> Spatial<G, V> {
     where
         G: Gas<N>,
     {
-        let area = on.face(side).area;
-        let cell = side.cell as usize;
+        let face = on.face(side);
+        let (area, cell) = (face.area, side.cell as usize);
         let mut u = gradient::of_velocity(&field.gradient[cell]);
         u += area * area.transpose() * (missing / area.norm_squared());
         let mut mu = self.viscosity.dynamic(self.gas.density(&field.q[cell]), &u, on.metrics.size[cell]);
         if self.viscosity.transported() {
             mu += on.eddy[cell];
         }
-        let force = physics::stress_force(mu, &u, area);
-        let normal = side.sign * force.dot(&area) / area.norm_squared();
-        let mut flux = self.gas.pressure_flux(0.0, Vec3::zeros(), 0.0);
-        for d in 0..3 {
-            flux[1 + d] -= normal * area[d];
-        }
-        flux
+        let stress = physics::stress_force(mu, &u, area).dot(&area) / area.norm_squared();
+        // As a pressure on the wall, whose motion does work.
+        self.gas.pressure_change(-stress, area * side.sign, side.sign * face.grid_flux)
     }
 
     /// Friction on a no-slip wall and its work.

@@ -182,9 +182,10 @@ fn linear_field<G: Gas<N>, V: Viscosity, const N: usize>(shape: BoxShape, gas: G
         for side in t.slip.iter().chain(&t.symmetry) {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);
             let mu = of_cell(viscosity.dynamic(gas.density(&s.q[c]), &g, m.size[c]), c);
-            let n = f.area * (1.0 / f.area.norm());
-            let normal = side.sign * force(mu, &g, f.area).dot(&n);
-            gain(c, std::array::from_fn(|v| if (1..4).contains(&v) { -normal * n[v - 1] } else { 0.0 }));
+            let stress = force(mu, &g, f.area).dot(&f.area) / f.area.norm_squared();
+            // Work on the wall, which sweeps the grid's flux.
+            let swept = [0.0, f.area[0], f.area[1], f.area[2], f.grid_flux];
+            gain(c, std::array::from_fn(|v| -side.sign * stress * swept[v]));
         }
         for side in &t.no_slip {
             let (f, c) = (&m.faces[side.face as usize], side.cell as usize);

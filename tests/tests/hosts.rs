@@ -1,4 +1,4 @@
-//! Ranks on two hosts, emulated on this machine by `scripts/two-hosts`.
+//! Ranks on several hosts, emulated on this machine by `scripts/several-hosts`.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,36 +12,45 @@ use ripstop_tests::{
 
 const RANKS: [&str; 2] = ["--ranks", "structure=2,mesh=2,flow=3"];
 
-/// A `ripstop run` with ranks on both hosts; `None` (with a message) if hosts cannot be emulated.
-fn on_two_hosts(scene: &Path, out: &Path, options: &[&str]) -> Option<Command> {
-    let script = root().join("scripts/two-hosts");
-    let tried = Command::new(&script).arg("true").output().expect("a shell");
+/// A `ripstop run` on as many hosts as `mpirun` names; `None` (with a message) if hosts cannot be emulated.
+fn on_hosts(scene: &Path, out: &Path, options: &[&str], mpirun: &[&str]) -> Option<Command> {
+    let script = root().join("scripts/several-hosts");
+    let n = if mpirun.iter().any(|option| option.contains("far2")) { "3" } else { "2" };
+    let tried = Command::new(&script).args([n, "true"]).output().expect("a shell");
     if !tried.status.success() {
         let why = String::from_utf8_lossy(&tried.stderr);
         skipped(&format!("no network namespaces here (they need root): {}", why.trim()));
         return None;
     }
     let mut command = Command::new(script);
-    command.arg(program("ripstop")).arg("run").arg(scene).arg("--out").arg(out).args(options);
-    command.args(RANKS).args(["--mpirun", "--host near:8,far:8 --map-by node"]);
+    command.arg(n).arg(program("ripstop")).arg("run").arg(scene).arg("--out").arg(out).args(options);
+    command.args(RANKS);
+    mpirun.iter().for_each(|option| {
+        command.args(["--mpirun", option]);
+    });
     Some(command)
 }
 
-/// Ranks of all three programs on another host than the coupler: bitwise identical results.
+/// Ranks of all three programs on other hosts than the coupler, each program on other ones: bitwise identical results.
 #[test]
 fn results_do_not_depend_on_hosts_bitwise() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = changed_scene("square-drop", folder.path(), &[]);
-    let (one, two) = (folder.path().join("one"), folder.path().join("two"));
+    let (one, two) = (folder.path().join("one"), folder.path().join("several"));
     let few = ["--stop-after-windows", "2"];
-    let Some(run) = on_two_hosts(&scene, &two, &few) else { return };
+    let mpirun = [
+        "structure=--host near:8,far2:8 --map-by node",
+        "mesh=--host near:8,far:8 --map-by node",
+        "flow=--host near:8,far:8,far2:8 --map-by node",
+    ];
+    let Some(run) = on_hosts(&scene, &two, &few, &mpirun) else { return };
     succeed(run);
     succeed(ripstop_run(&scene, &one, &[&few[..], &RANKS[..]].concat()));
     for stage in ["pre-inflation", "developed-flow", "descent"] {
         let (a, b) = (History::read(&two, stage), History::read(&one, stage));
         assert_eq!(a.without_wall_times(), b.without_wall_times(), "{stage}");
     }
-    for (role, far) in [("structure", [1].as_slice()), ("mesh", &[1]), ("flow", &[1])] {
+    for (role, far) in [("structure", [1].as_slice()), ("mesh", &[1]), ("flow", &[1, 2])] {
         let log = std::fs::read_to_string(two.join(format!("descent/logs/{role}.log"))).expect("a log");
         for rank in far {
             let says = format!("rank {rank} of ");
@@ -101,7 +110,8 @@ fn remote_rank_sleeps_and_its_failure_ends_the_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let scene = changed_scene("square-drop", folder.path(), &[("duration_s = 0.1\n", "duration_s = 50.0\n")]);
     let out = folder.path().join("out");
-    let Some(run) = on_two_hosts(&scene, &out, &["--quiet"]) else { return };
+    let near_and_far = ["--host near:8,far:8 --map-by node"];
+    let Some(run) = on_hosts(&scene, &out, &["--quiet"], &near_and_far) else { return };
     let mut run = start(run);
     let limit = Limit::new(Duration::from_secs(400));
     let history = out.join("descent/history.csv");

@@ -67,8 +67,94 @@ fn page_follows_the_run(browser: &mut Browser, out: &Path) {
     assert!(child.wait().expect("a child").success() && !reloads());
 }
 
+/// What the view of the canopy shows: stage, frame, field, whether it plays.
+fn state(browser: &mut Browser) -> serde_json::Value {
+    browser.evaluate("(({ stage, frame, field, playing }) => [stage, frame, field, playing])(canopy.viewer)")
+}
+
+/// Chooses a value of a list of the view.
+fn choose(browser: &mut Browser, part: &str, value: u32) {
+    browser.evaluate(&format!(
+        "(() => {{ const s = document.querySelector('[data-part={part}]'); s.value = {value}; \
+         s.dispatchEvent(new Event('change')); }})()"
+    ));
+}
+
+/// The last frame is drawn; a key press on the slider goes back by one.
+fn slider_steps_back(browser: &mut Browser) {
+    // The canopy is shaded: more than the colours of background and lines.
+    let (colours, last) = colours_and_sum(browser);
+    assert!(colours > 500, "{colours} colours on the canvas");
+    let frames = browser.evaluate("canopy.viewer.data.header.stages.map(s => s.times.length)");
+    // 20 windows of descent, every second one.
+    assert_eq!(frames[1], json!(10));
+    assert_eq!(state(browser), json!([1, 9, 0, false]));
+
+    // A key press on the slider goes back by one frame.
+    browser.evaluate("document.querySelector('[data-part=time]').focus()");
+    browser.key("ArrowLeft", 37);
+    assert_eq!(state(browser), json!([1, 8, 0, false]));
+    let (_, earlier) = colours_and_sum(browser);
+    assert_ne!(last, earlier, "the canopy did not move");
+    assert_eq!(browser.evaluate("document.querySelector('[data-part=clock]').textContent"), json!("0.090 s"));
+}
+
+/// Each field has its colours, and the last one its legend.
+fn fields_differ(browser: &mut Browser) {
+    let mut seen = vec![colours_and_sum(browser).1];
+    for field in [1, 2] {
+        choose(browser, "field", field);
+        let (_, sum) = colours_and_sum(browser);
+        assert!(!seen.contains(&sum), "colour {field} equals an earlier one");
+        seen.push(sum);
+    }
+    let legend = browser.evaluate("document.querySelector('[data-part=legend]').textContent");
+    assert_eq!(legend, json!("slackwrinkledtaut"));
+}
+
+fn plays_and_pauses(browser: &mut Browser) {
+    browser.click("[data-part=play]");
+    if browser.evaluate("canopy.viewer.playing") == json!(false) {
+        // The layout changed under the pointer with the legend.
+        browser.click("[data-part=play]");
+    }
+    assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(true));
+    let from = browser.evaluate("canopy.viewer.frame");
+    browser.until(&format!("canopy.viewer.frame !== {from}"));
+    browser.click("[data-part=play]");
+    assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(false));
+}
+
+/// Rotation, lines, mesh, the other stage.
+fn view_changes(browser: &mut Browser) {
+    let before = colours_and_sum(browser).1;
+    browser.drag("#canopy canvas", [120.0, 40.0]);
+    assert_ne!(before, colours_and_sum(browser).1, "dragging did not rotate it");
+    for part in ["lines", "mesh"] {
+        let before = colours_and_sum(browser).1;
+        browser.click(&format!("[data-part={part}]"));
+        assert_ne!(before, colours_and_sum(browser).1, "{part} changed nothing");
+    }
+    choose(browser, "stage", 0);
+    assert_eq!(browser.evaluate("canopy.viewer.stage"), json!(0));
+    browser.point("#canopy canvas");
+}
+
+/// A chart shows the value at the pointer; all pictures are there; nothing is loaded from elsewhere.
+fn charts_and_pictures_are_complete(browser: &mut Browser, page: &Path) {
+    browser.point("#stage-descent-descent-speed svg");
+    let tip =
+        browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
+    assert!(tip.as_str().is_some_and(|t| t.contains("m/s")), "{tip}");
+    let pictures = browser.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 200)");
+    assert_eq!(pictures, json!(true), "a picture is broken");
+
+    assert_eq!(browser.complaints(), Vec::<String>::new());
+    let asked: Vec<String> = browser.requests().into_iter().filter(|u| !u.starts_with("data:")).collect();
+    assert_eq!(asked, [format!("file://{}", page.display())], "the page requests other resources");
+}
+
 #[test]
-#[expect(clippy::too_many_lines, reason = "one session in the page")]
 fn report_page_is_complete_and_interactive() {
     let folder = tempfile::tempdir().expect("a folder");
     let out = folder.path().join("run");
@@ -94,79 +180,11 @@ fn report_page_is_complete_and_interactive() {
     let missing = browser.evaluate("document.getElementById('missing') === null");
     assert_eq!(missing, json!(true), "a complete run has no missing data");
 
-    // The canopy is shaded: more than the colours of background and lines.
-    let (colours, last) = colours_and_sum(&mut browser);
-    assert!(colours > 500, "{colours} colours on the canvas");
-    let state = |browser: &mut Browser| {
-        browser
-            .evaluate("(({ stage, frame, field, playing }) => [stage, frame, field, playing])(canopy.viewer)")
-    };
-    let frames = browser.evaluate("canopy.viewer.data.header.stages.map(s => s.times.length)");
-    // 20 windows of descent, every second one.
-    assert_eq!(frames[1], json!(10));
-    assert_eq!(state(&mut browser), json!([1, 9, 0, false]));
-
-    // A key press on the slider goes back by one frame.
-    browser.evaluate("document.querySelector('[data-part=time]').focus()");
-    browser.key("ArrowLeft", 37);
-    assert_eq!(state(&mut browser), json!([1, 8, 0, false]));
-    let (_, earlier) = colours_and_sum(&mut browser);
-    assert_ne!(last, earlier, "the canopy did not move");
-    assert_eq!(browser.evaluate("document.querySelector('[data-part=clock]').textContent"), json!("0.090 s"));
-
-    // Other fields with their legends.
-    let choose = |browser: &mut Browser, part: &str, value: u32| {
-        browser.evaluate(&format!(
-            "(() => {{ const s = document.querySelector('[data-part={part}]'); s.value = {value}; \
-             s.dispatchEvent(new Event('change')); }})()"
-        ));
-    };
-    let mut seen = vec![earlier];
-    for field in [1, 2] {
-        choose(&mut browser, "field", field);
-        let (_, sum) = colours_and_sum(&mut browser);
-        assert!(!seen.contains(&sum), "colour {field} equals an earlier one");
-        seen.push(sum);
-    }
-    let legend = browser.evaluate("document.querySelector('[data-part=legend]').textContent");
-    assert_eq!(legend, json!("slackwrinkledtaut"));
-
-    // Play and pause.
-    browser.click("[data-part=play]");
-    if browser.evaluate("canopy.viewer.playing") == json!(false) {
-        // The layout changed under the pointer with the legend.
-        browser.click("[data-part=play]");
-    }
-    assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(true));
-    let from = browser.evaluate("canopy.viewer.frame");
-    browser.until(&format!("canopy.viewer.frame !== {from}"));
-    browser.click("[data-part=play]");
-    assert_eq!(browser.evaluate("canopy.viewer.playing"), json!(false));
-
-    // Rotation, lines, mesh, the other stage.
-    let before = colours_and_sum(&mut browser).1;
-    browser.drag("#canopy canvas", [120.0, 40.0]);
-    assert_ne!(before, colours_and_sum(&mut browser).1, "dragging did not rotate it");
-    for part in ["lines", "mesh"] {
-        let before = colours_and_sum(&mut browser).1;
-        browser.click(&format!("[data-part={part}]"));
-        assert_ne!(before, colours_and_sum(&mut browser).1, "{part} changed nothing");
-    }
-    choose(&mut browser, "stage", 0);
-    assert_eq!(browser.evaluate("canopy.viewer.stage"), json!(0));
-    browser.point("#canopy canvas");
-
-    // A chart shows the value at the pointer.
-    browser.point("#stage-descent-descent-speed svg");
-    let tip =
-        browser.evaluate("document.querySelector('#stage-descent-descent-speed svg .marks').textContent");
-    assert!(tip.as_str().is_some_and(|t| t.contains("m/s")), "{tip}");
-    let pictures = browser.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 200)");
-    assert_eq!(pictures, json!(true), "a picture is broken");
-
-    assert_eq!(browser.complaints(), Vec::<String>::new());
-    let asked: Vec<String> = browser.requests().into_iter().filter(|u| !u.starts_with("data:")).collect();
-    assert_eq!(asked, [format!("file://{}", page.display())], "the page requests other resources");
+    slider_steps_back(&mut browser);
+    fields_differ(&mut browser);
+    plays_and_pauses(&mut browser);
+    view_changes(&mut browser);
+    charts_and_pictures_are_complete(&mut browser, &page);
 
     if let Some(keep) = std::env::var_os("RIPSTOP_KEEP") {
         std::fs::copy(&page, Path::new(&keep).join("report.html")).expect("a folder");

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | `sh` | commands for bash; each must succeed. Variables that are exported and the folder hold for later blocks |
 //! | `sh exit=3` | the last command ends with this code |
-//! | `sh set=KEY=VALUE` | the test adds `--set KEY=VALUE` to the last line, unless the variable `RIPSTOP_WHOLE_TUTORIALS` is set |
+//! | `sh add=OPTION` | the test adds `OPTION` to the last line, unless the variable `RIPSTOP_WHOLE_TUTORIALS` is set |
 //! | `toml file=NAME` (any language) | a file to write |
 //! | `text` | what the last commands print, on either stream |
 //! | `text tolerance=1%` | numbers agree to that share |
@@ -243,11 +243,11 @@ fn execute(text: &str, folder: &Path, limit: &Limit) -> Ran {
     Ran { code, output, line: read("line").ok().and_then(|l| l.trim().parse().ok()) }
 }
 
-/// The commands of a block, the last one with the key of a scene that the block names: a shorter run.
+/// The commands of a block, the last one with the option that the block names: a shorter run.
 fn shortened(block: &Block) -> String {
-    match block.value("set") {
-        Some(set) if std::env::var_os("RIPSTOP_WHOLE_TUTORIALS").is_none() => {
-            format!("{} --set {set}\n", block.text.trim_end())
+    match block.value("add") {
+        Some(option) if std::env::var_os("RIPSTOP_WHOLE_TUTORIALS").is_none() => {
+            format!("{} {option}\n", block.text.trim_end())
         }
         _ => block.text.clone(),
     }
