@@ -189,9 +189,14 @@ impl CoupledStage<'_> {
         let (fabric, interface) = (&self.scene.fabric, self.interface);
         // Tapes move with the fabric.
         let tapes = interface.masses.all_tapes();
+        let cloth = if self.scene.fabric_groups().is_empty() {
+            fabric.thickness_m * fabric.density_kg_m3
+        } else {
+            interface.masses.fabric / interface.sizes.fabric_area
+        };
         let smeared = if tapes > 0.0 { tapes / interface.sizes.fabric_area } else { 0.0 };
         MassProperties {
-            fabric_kg_m2: fabric.thickness_m * fabric.density_kg_m3 + smeared,
+            fabric_kg_m2: cloth + smeared,
             air: self.air(),
             response: response(self.scene),
             falling_kg: self.descent.map_or(0.0, |d| d.mass_kg),

@@ -70,12 +70,22 @@ pub(crate) fn load_floor(
     [pressure, dt, response]: [f64; 3],
 ) -> LoadFloor {
     let root = (interface.nodes() as f64).sqrt();
-    let acceleration = pressure / (scene.fabric.thickness_m * scene.fabric.density_kg_m3);
+    let acceleration = pressure / heaviest_cloth(scene);
     let bulge = state.displacement.iter().map(|u| u * u).sum::<f64>().sqrt();
     LoadFloor {
         inertial: SHAPE_FLOOR * response * acceleration * dt * dt * root,
         most: if bulge > 0.0 { SHAPE_FLOOR * bulge } else { f64::INFINITY },
     }
+}
+
+/// Largest areal mass of the fabrics of a scene, kg/m2: no cloth moves less.
+fn heaviest_cloth(scene: &Scene) -> f64 {
+    let groups = (0..scene.fabric_groups().len()).map(|k| Some(k as u16));
+    let masses = groups.chain([None]).map(|group| {
+        let fabric = scene.fabric_of(group);
+        fabric.thickness_m * fabric.density_kg_m3
+    });
+    masses.fold(0.0, f64::max)
 }
 
 /// Floor of the descent speed in a window of `dt` (s), m/s.
@@ -144,6 +154,20 @@ mod tests {
         assert!((way - 0.014_545).abs() < 1e-5, "{way} m");
         let (scale, floor) = floors("1e-300", "prestress_pa = 730.0");
         assert!((1e-12..1e-9).contains(&scale) && floor.at(1.0) > 0.0, "{scale} {floor:?}");
+    }
+
+    #[test]
+    fn heaviest_cloth_limits_the_floor() {
+        let areal_mass = |density: f64| {
+            let text = format!(
+                "name = \"two\"\n[canopy]\nkind = \"gmsh\"\nfile = \"plate.msh\"\n[[canopy.fabric]]\ngroup = \"crown\"\n\
+                 density_kg_m3 = {density}\n[fabric]\nyoungs_modulus_pa = 1e8\npoisson_ratio = 0.3\nthickness_m = 1e-4\n\
+                 density_kg_m3 = 500.0\n[[stage]]\nname = \"blown\"\nkind = \"pre-inflation\"\nsolve = \"static\"\npressure_pa = 1.0\n"
+            );
+            let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../../cases/plate-gmsh/scene.toml");
+            heaviest_cloth(&case::parse(Path::new(scene), &text).expect("a good scene"))
+        };
+        assert_eq!([100.0, 900.0].map(areal_mass), [1e-4 * 500.0, 1e-4 * 900.0]);
     }
 
     /// The displacement by the load scales with the square of the window, up to the deflection.
