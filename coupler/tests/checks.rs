@@ -27,6 +27,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("atps-uniform-pressure/scene.toml", &["fabric.strain"]),
     ("flat-circular-opening/scene.toml", &["fabric.strain"]),
     ("hard/cavity/scene.toml", &[]),
+    ("hanging-rope/scene.toml", &[]),
     ("hard/channel/scene.toml", &[]),
     ("hard/closed-box/scene.toml", &[]),
     ("hard/closed-vents/scene.toml", &["fabric.strain", "flow.cells-across"]),

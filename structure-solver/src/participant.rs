@@ -29,7 +29,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 40] = [
+const EFFECTS: [&str; 41] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -42,6 +42,7 @@ const EFFECTS: [&str; 40] = [
     channel::WIND_BY_HEIGHT,
     channel::LAYERED_TURBULENCE,
     channel::PAYLOAD_ATTITUDE,
+    channel::REACTIONS,
     "fabric.wrinkling",
     "fabric.orthotropic",
     "fabric.law",
@@ -450,8 +451,9 @@ impl Participant for StructureSolver {
             _ => Ok(()),
         };
         written.map_err(|e| Fault::new(format!("payload.csv: {e}")))?;
-        let written =
-            self.reactions.as_mut().map(|log| log.push(w.time + w.dt, self.dynamics.mean_reactions()));
+        // The window of a static stage has no duration.
+        let time = if self.rest.is_some() { w.time } else { w.time + w.dt };
+        let written = self.reactions.as_mut().map(|log| log.push(time, self.dynamics.mean_reactions()));
         written.transpose().map_err(|e| Fault::new(format!("reactions.csv: {e}")))?;
         Ok(())
     }

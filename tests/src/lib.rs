@@ -108,8 +108,12 @@ pub struct History {
 impl History {
     /// Reads `<out>/<stage>/history.csv`.
     pub fn read(out: &Path, stage: &str) -> Self {
-        let file = out.join(stage).join("history.csv");
-        let text = std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
+        Self::read_file(&out.join(stage).join("history.csv"))
+    }
+
+    /// Reads a file of comma-separated values with a header.
+    pub fn read_file(file: &Path) -> Self {
+        let text = std::fs::read_to_string(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
         let mut lines = text.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
         let names = lines.next().expect("a header");
         let rows: Vec<_> = lines.collect();

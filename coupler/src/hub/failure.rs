@@ -10,8 +10,8 @@ use coupling::error::RunError;
 use super::HubPartners;
 use crate::launch::ProcessFailure;
 
-/// Time limit for the exit status of a launcher after the death of one of its ranks, which has the signal: OpenMPI exits 1.0 s after a
-/// rank of several, 2.0 s after its only one.
+/// Time limit for the exit status of a launcher after the death of one of its ranks, which has the signal: OpenMPI exits within 0.1 s, as the
+/// programs are launched; by default 1.0 s after a rank of several, 2.0 s after its only one.
 const EXIT_STATUS_WAIT: Duration = Duration::from_millis(2500);
 
 impl HubPartners<'_> {

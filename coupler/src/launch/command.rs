@@ -196,6 +196,9 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
         // OpenMPI's notice often omits the number of a rank that fails before MPI_Init; state records contain it.
         ("OMPI_MCA_state_base_verbose", "1".into()),
+        // By default mpirun waits one or two seconds after a rank has died before it says so. A run that ends
+        // gives its ranks time itself (`Supervisor::end`).
+        ("OMPI_MCA_odls_base_sigkill_timeout", "0".into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];
@@ -203,6 +206,10 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     if let Some(scratch) = scratch {
         set.push((SCRATCH, scratch.into()));
         set.push(("OMPI_MCA_btl_vader_backing_directory", scratch.into()));
+        // The search for network adapters takes 0.2 s at each start.
+        if std::env::var_os("OMPI_MCA_pml").is_none() {
+            set.push(("OMPI_MCA_pml", "^cm".into()));
+        }
     }
     // For programs in other languages, which call `ripstop mesh`.
     if let Ok(me) = std::env::current_exe() {

@@ -64,10 +64,13 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
             RunError::Input(format!("the scene has no stage `{name}`; it has: {}", names.join(", ")))
         })?,
     };
-    let elements = interface.sizes.triangles;
+    let (elements, kind) = match scene.has_fabric() {
+        true => (interface.sizes.triangles, "membrane"),
+        false => (interface.sizes.cables, "cable"),
+    };
     if scene.has_canopy() && scene.ranks.structure as usize > elements {
         return Err(RunError::Input(format!(
-            "{} ranks for the structure, but its mesh has only {elements} membrane elements: use fewer ranks",
+            "{} ranks for the structure, but its mesh has only {elements} {kind} elements: use fewer ranks",
             scene.ranks.structure
         )));
     }

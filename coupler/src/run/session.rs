@@ -216,6 +216,9 @@ pub(crate) fn required_effects(scene: &Scene) -> Vec<(Role, String)> {
     if scene.payload_body().is_some_and(case::PayloadBody::is_released_turned) {
         all.push((Role::Structure, channel::PAYLOAD_ATTITUDE.to_owned()));
     }
+    if !scene.output.reactions.is_empty() {
+        all.push((Role::Structure, channel::REACTIONS.to_owned()));
+    }
     if matches!(scene.canopy, case::Canopy::Pattern(_)) {
         all.push((Role::Structure, channel::FLAT_SHAPES.to_owned()));
     }
@@ -258,9 +261,9 @@ mod tests {
         assert_eq!(asked(&scene("[stage.perturbation]", ""), Role::Flow, channel::GUST_TURBULENCE), 0);
     }
 
-    /// A structure that ignores the height or the attitude is refused by name, where either counts.
+    /// A structure that ignores the height, the attitude or reactions is refused by name, where the scene has them.
     #[test]
-    fn height_and_attitude_are_asked_of_the_structure() {
+    fn height_attitude_and_reactions_are_asked_of_the_structure() {
         let asked = |more: &str, effect: &str| {
             let scene = scene("", more);
             required_effects(&scene).into_iter().filter(|(r, e)| *r == Role::Structure && e == effect).count()
@@ -278,5 +281,7 @@ mod tests {
             )
         };
         assert_eq!([0.0, 5.0].map(|turn| asked(&body(turn), channel::PAYLOAD_ATTITUDE)), [0, 1]);
+        let reaction = "[[output.reaction]]\nname = \"clamp\"\nnodes = \"held\"\n";
+        assert_eq!(["", reaction].map(|more| asked(more, channel::REACTIONS)), [0, 1]);
     }
 }

@@ -123,11 +123,19 @@ fn values(view: &View<'_>) -> Option<String> {
     if let Some(rejected) = last("rejected_attempts").filter(|n| *n > 0.0) {
         parts.push(format!("rejected {rejected:.0} x"));
     }
-    if parts.is_empty() {
+    if parts.is_empty() && cables_alone(view) {
+        parts
+            .extend(last("max_line_tension_n").map(|tension| format!("largest line tension {tension:.1} N")));
+    } else if parts.is_empty() {
         parts.extend(last("projected_area_m2").map(|area| format!("projected area {area:.3} m2")));
         parts.extend(last("vertical_load_n").map(|load| format!("load {load:.1} N")));
     }
     (!parts.is_empty()).then(|| parts.join(" | "))
+}
+
+/// Whether the structure has no area at all: no fabric.
+fn cables_alone(view: &View<'_>) -> bool {
+    view.rows.last("projected_area_m2") == Some(0.0) && view.rows.last("vertical_load_n") == Some(0.0)
 }
 
 /// Number of warnings, the last one, and why the run ended.
@@ -160,6 +168,7 @@ fn names<'a>(view: &'a View<'_>, chosen: &'a [String]) -> Result<Vec<&'a str>, R
         return Ok(chosen.iter().map(String::as_str).filter(|name| known.contains(name)).collect());
     }
     let wanted: &[&str] = match view.stage.kind {
+        StageKind::PreInflation if cables_alone(view) => &["max_line_tension_n"],
         StageKind::PreInflation => &["projected_area_m2"],
         StageKind::FlowOnly | StageKind::Prescribed => &["drag_n"],
         StageKind::Coupled => &["descent_speed_m_s", "drag_n"],

@@ -42,6 +42,9 @@ pub const LAYERED_TURBULENCE: &str = "flow.shear.turbulence";
 /// Effect of a structure that releases the payload at the attitude of `case::PayloadBody::initial_rotation_deg`.
 pub const PAYLOAD_ATTITUDE: &str = "descent.body.attitude";
 
+/// Effect of a structure that writes `reactions.csv`, as `case::Reaction` defines it.
+pub const REACTIONS: &str = "output.reaction";
+
 /// Effect of a flow whose inlets, outlets and walls have data of their own, as `case::InletValues`, `case::OutletValues` and
 /// `case::MovingWall` define them.
 pub const BOUNDARY_VALUES: &str = "flow.boundary-values";

@@ -80,6 +80,7 @@ fn canopy(scene: &Scene, interface: &CanopyInterface) -> [String; 2] {
 
 fn what(scene: &Scene, stage: &Stage) -> String {
     match stage.kind {
+        StageKind::PreInflation if !scene.has_fabric() => "cables alone".into(),
         StageKind::PreInflation => format!(
             "structure alone under {} Pa",
             stage.pressure_pa.map_or_else(|| "?".into(), |p| p.to_string())

@@ -104,6 +104,9 @@ impl<'a> Facts<'a> {
     /// Whether the canopy has suspension lines. Ranges of real parachutes do not apply to panels, air bags and
     /// fixed sheets.
     pub fn is_parachute(&self) -> bool {
+        if !self.scene.has_fabric() {
+            return false;
+        }
         match &self.scene.canopy {
             Canopy::Atps(_) => true,
             Canopy::Square(f) | Canopy::Circular(f) => f.line_count > 0,
@@ -117,12 +120,14 @@ impl<'a> Facts<'a> {
 
     /// Whether the scene has what the check `id` is about: a canopy, or a length of the body for numbers of the flow.
     pub fn has_subject(&self, id: &str) -> bool {
-        let of_a_canopy = id.starts_with("fabric.")
-            || id.starts_with("lines.")
+        let of_fabric = id.starts_with("fabric.");
+        let of_a_canopy = id.starts_with("lines.")
             || id.starts_with("tapes.")
             || ["stage.canopy-mode", "flow.courant"].contains(&id);
         let of_a_length = ["flow.reynolds", "stage.development", "stage.shedding"].contains(&id);
-        (self.scene.has_canopy() || !of_a_canopy) && (self.numbers.width > 0.0 || !of_a_length)
+        (self.scene.has_canopy() || !of_a_canopy)
+            && (self.scene.has_fabric() || !of_fabric)
+            && (self.numbers.width > 0.0 || !of_a_length)
     }
 
     /// Weight of payload, fabric and lines, N; 0 without descent.

@@ -77,7 +77,7 @@ impl Masses {
         let tapes = TapePlace::ALL.into_iter().zip(self.tapes);
         parts.extend(tapes.map(|(place, mass)| (format!("tapes.{}", place.name()), mass)));
         parts.push(("point masses".into(), self.points));
-        parts.retain(|(name, mass)| *mass > 0.0 || name == "fabric");
+        parts.retain(|(_, mass)| *mass > 0.0);
         parts
     }
 }

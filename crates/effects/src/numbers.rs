@@ -169,7 +169,6 @@ pub fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Width of the canopy along the wider of the axes x and y, m.
 /// Largest reference length of `[[flow.forces.coefficients]]`, m: the size of a rigid body; 0 where none is given.
 fn body_length(scene: &Scene) -> f64 {
     let forces = scene.flow.as_ref().and_then(|f| f.forces.as_ref());
@@ -177,6 +176,7 @@ fn body_length(scene: &Scene) -> f64 {
     entries.iter().map(|e| e.reference_length_m).fold(0.0, f64::max)
 }
 
+/// Width of the canopy along the wider of the axes x and y, m.
 fn width(mesh: &StructureMesh) -> f64 {
     let extent = |axis: usize| {
         let (low, high) = mesh.coords[..mesh.n_canopy]

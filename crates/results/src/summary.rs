@@ -155,6 +155,9 @@ pub struct StageSummary {
     pub projected_area_m2: f64,
     /// Vertical load on the structure at the end, N.
     pub vertical_load_n: f64,
+    /// Largest tension of a line at the end, N.
+    #[serde(default)]
+    pub max_line_tension_n: f64,
     #[serde(skip)]
     /// Descent speed (m/s) and vertical force of the air (N) at the end of each window so far.
     pub speeds: Vec<(f64, f64)>,
@@ -236,6 +239,7 @@ impl StageSummary {
             safety_factors: Vec::new(),
             projected_area_m2: 0.0,
             vertical_load_n: 0.0,
+            max_line_tension_n: 0.0,
             speeds: Vec::new(),
             wake_samples: Vec::new(),
         }
@@ -353,6 +357,7 @@ impl StageSummary {
         self.largest_local_mach = self.largest_local_mach.max(mach);
         self.projected_area_m2 = structure[structure_stats::PROJECTED_AREA];
         self.vertical_load_n = structure[structure_stats::VERTICAL_LOAD];
+        self.max_line_tension_n = structure[structure_stats::MAX_LINE_TENSION];
         self.wake_samples.extend(row.wake);
         self.speeds.push((row.descent_speed_m_s, row.drag_n));
         let late = &self.speeds[self.speeds.len() / 2..];
@@ -410,6 +415,11 @@ impl StageSummary {
         let created = coupling::structure_energy::note(s.structure_energy_created_share);
         let rejected = self.adapted();
         match s.kind {
+            // Cables alone.
+            StageKind::PreInflation if s.projected_area_m2 == 0.0 => {
+                let tension = s.max_line_tension_n;
+                format!("  {}: largest line tension {tension:.1} N{created}; {}", s.name, s.ended)
+            }
             StageKind::PreInflation => format!(
                 "  {}: load {:.1} N, projected area {:.2} m2{created}; {}",
                 s.name, s.vertical_load_n, s.projected_area_m2, s.ended

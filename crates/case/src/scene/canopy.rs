@@ -225,6 +225,11 @@ impl Scene {
         !matches!(self.canopy, Canopy::None)
     }
 
+    /// Whether the canopy has fabric. A Gmsh canopy of a scene without `[fabric]` has cables alone.
+    pub fn has_fabric(&self) -> bool {
+        self.has_canopy() && !self.fabric.is_absent()
+    }
+
     /// Whether lines or reinforcements are known or may come with a file.
     pub(crate) fn may_have_cables(&self) -> bool {
         self.has_cables() || matches!(self.canopy, Canopy::Gmsh(_))

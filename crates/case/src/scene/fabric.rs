@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::lines::retardation;
 use crate::check::Check;
 use crate::materials::required_without_material;
-use crate::{FabricMaterial, Scene};
+use crate::{Canopy, FabricMaterial, GmshCanopy, Scene, StageKind};
 
 /// Material of the fabric, in plane stress.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
@@ -249,12 +249,14 @@ impl Fabric {
 pub(crate) fn check(scene: &Scene, c: &mut Check) {
     let f = &scene.fabric;
     if f.is_absent() {
-        if scene.has_canopy() {
-            c.refuse(
+        match &scene.canopy {
+            Canopy::None => {}
+            Canopy::Gmsh(canopy) => cables_alone(canopy, scene, c),
+            _ => c.refuse(
                 "fabric",
                 "the canopy has no material: the section [fabric] is missing",
                 "add [fabric] with a `material` of the library, or with youngs_modulus_pa, poisson_ratio, thickness_m and density_kg_m3",
-            );
+            ),
         }
         return;
     }
@@ -295,6 +297,27 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
     }
     if let Some(k) = &f.contact {
         contact(k, c);
+    }
+}
+
+/// Refuses what needs fabric in a scene of cables alone.
+fn cables_alone(canopy: &GmshCanopy, scene: &Scene, c: &mut Check) {
+    let fabric = "add [fabric], if the mesh file has surfaces of fabric";
+    if !canopy.fabrics.is_empty() {
+        c.refuse(
+            "canopy.fabric",
+            "keys that a group does not have are those of [fabric], which is missing",
+            fabric,
+        );
+    }
+    for (k, s) in scene.stages.iter().enumerate() {
+        if !matches!(s.kind, StageKind::PreInflation | StageKind::Trajectory) {
+            c.refuse(
+                &format!("stage[{k}].kind"),
+                format!("stage \"{}\" has air around the fabric, and the scene has no [fabric]", s.name),
+                format!("{fabric}, or use kind = \"pre-inflation\": cables under forces, weight and prescribed motions"),
+            );
+        }
     }
 }
 

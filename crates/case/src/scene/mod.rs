@@ -118,7 +118,7 @@ pub struct Scene {
     pub title: String,
     /// Geometry of fabric, lines and payload.
     pub canopy: Canopy,
-    /// Material of the fabric; needed where there is a canopy.
+    /// Material of the fabric; needed where there is a canopy. A Gmsh canopy without it has cables alone.
     #[serde(default = "Fabric::absent")]
     pub fabric: Fabric,
     /// Material of suspension lines and risers; needed when the canopy has lines.

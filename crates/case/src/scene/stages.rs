@@ -36,7 +36,7 @@ pub struct Stage {
     pub substeps: u32,
     /// Marches a flow-only stage to a steady state, in one window without duration.
     pub steady: Option<Steady>,
-    /// Uniform pressure jump on the canopy, Pa (pre-inflation).
+    /// Uniform pressure jump on the canopy, Pa (pre-inflation; none in a scene without `[fabric]`).
     pub pressure_pa: Option<f64>,
     /// Mass-proportional damping of the structure in this stage, 1/s.
     #[serde(default)]
@@ -217,7 +217,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         times(stage, &at, c);
         steps_and_damping(stage, &at, c);
         nodes(stage, &at, c);
-        pressure(stage, &at, c);
+        pressure(stage, scene.has_fabric(), &at, c);
         flow(scene, stage, &at, c);
         flow_method(scene, k, &at, c);
         open_vents(scene, k, &at, c);
@@ -327,9 +327,15 @@ fn altitude(scene: &Scene, k: usize, at: &dyn Fn(&str) -> String, c: &mut Check)
     }
 }
 
-/// A pre-inflation has a pressure, and nothing else has.
-fn pressure(s: &Stage, at: &dyn Fn(&str) -> String, c: &mut Check) {
+/// A pre-inflation of fabric has a pressure, and nothing else has.
+fn pressure(s: &Stage, fabric: bool, at: &dyn Fn(&str) -> String, c: &mut Check) {
     match (s.kind, s.pressure_pa) {
+        (StageKind::PreInflation, None) if !fabric => {}
+        (StageKind::PreInflation, Some(p)) if !fabric && p != 0.0 => c.refuse(
+            &at("pressure_pa"),
+            format!("{p} Pa act on fabric, and the scene has no [fabric]"),
+            "remove `pressure_pa`, or add [fabric], if the mesh file has surfaces of fabric",
+        ),
         (StageKind::PreInflation, None) => c.refuse(
             &at("name"),
             format!("stage \"{}\" inflates, but with no pressure", s.name),

@@ -45,7 +45,7 @@ pub fn structure_mesh(scene: &Scene) -> Result<StructureMesh, MeshError> {
         Canopy::Gored(g) => gored::gored(g, &payload),
         Canopy::Cross(x) => cross::cross(x, &payload),
         Canopy::AirBag(b) => flat::air_bag(b),
-        Canopy::Gmsh(g) => gmsh::gmsh(g, payload_mass),
+        Canopy::Gmsh(g) => gmsh::gmsh(g, scene.has_fabric(), payload_mass),
         Canopy::Pattern(p) => pattern::pattern(p, scene.tapes.as_ref(), &payload),
         Canopy::Panel(p) => panel::panel(p),
         Canopy::None => Ok(StructureMesh::default()),

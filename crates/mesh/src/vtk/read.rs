@@ -116,6 +116,10 @@ impl Piece {
                 let Attribute::DataArray(array) = attribute else { continue };
                 let number = Number::of(&array.data);
                 let values = array.data.cast_into::<f64>().ok_or_else(numbers)?;
+                // A structure of cables has no cells of fabric.
+                if rows == 0 && values.is_empty() {
+                    continue;
+                }
                 if rows == 0 || values.len() % rows != 0 {
                     return Err(wrong(format!(
                         "`{}` has {} values for {rows} rows",

@@ -20,15 +20,33 @@ use crate::{Cable, CableKind, MeshError, StructureMesh};
 /// The physical group that is the fabric of a file which also holds a flow grid.
 const CANOPY: &str = "canopy";
 
-/// Reads a structure mesh; `payload_mass` in kg if the payload falls.
-pub(super) fn gmsh(canopy: &GmshCanopy, payload_mass: Option<f64>) -> Result<StructureMesh, MeshError> {
+/// Reads a structure mesh; `payload_mass` in kg if the payload falls. Without `fabric`, a structure of cables: its canopy nodes are
+/// those of cables but for the payload.
+pub(super) fn gmsh(
+    canopy: &GmshCanopy,
+    fabric: bool,
+    payload_mass: Option<f64>,
+) -> Result<StructureMesh, MeshError> {
     let path = &canopy.file;
     let bad = |reason: String| MeshError::File { path: path.clone(), reason };
     let parts = Msh::read(path)?;
     let mut builder = Builder::new(&parts, canopy);
     builder.add_fabric();
+    match (fabric, builder.mesh.faces.len()) {
+        (true, 0) => {
+            return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid); \
+                 a scene of cables alone has no [fabric]".into()));
+        }
+        (false, faces) if faces > 0 => {
+            return Err(bad(format!(
+                "has fabric, {faces} faces, and the scene has no [fabric]: add it, or remove the surfaces for cables alone"
+            )));
+        }
+        (false, _) => builder.add_canopy_of_cables(),
+        _ => {}
+    }
     if builder.mesh.n_canopy == 0 {
-        return Err(bad("has no fabric: no triangles or quadrilaterals (in the physical group \"canopy\" if the file also has a flow grid)".into()));
+        return Err(bad("has no fabric and no cables: put curves into a physical group \"lines\", \"risers\" or \"reinforcements\", or one of [[canopy.cable]]".into()));
     }
     builder.add_named(payload_mass);
     if let Some(missing) = builder.group_without_curves() {
@@ -112,6 +130,24 @@ impl<'a> Builder<'a> {
                 mesh.push_quad([a, b, c, d], panel, straight);
             }
         }
+    }
+
+    /// Nodes of cables in the order of their tags, but for the payload.
+    fn add_canopy_of_cables(&mut self) {
+        let parts = self.parts;
+        let is_payload =
+            |b: &Block| b.shape == ElementShape::Point && parts.names_of(b.entity).any(|n| n == "payload");
+        let payload = self.elements(is_payload);
+        let payload: BTreeSet<u64> = payload.iter().flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        let curves = self
+            .structure()
+            .into_iter()
+            .filter(|(entity, nodes)| nodes.len() == 2 && !self.cables_of(*entity).is_empty());
+        let nodes: BTreeSet<u64> = curves.flat_map(|(_, nodes)| nodes.iter().copied()).collect();
+        for tag in nodes.difference(&payload) {
+            self.add(*tag);
+        }
+        self.mesh.n_canopy = self.mesh.coords.len();
     }
 
     /// Place of the group of `[[canopy.fabric]]` that a surface is in.

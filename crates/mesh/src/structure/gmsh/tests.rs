@@ -65,7 +65,7 @@ fn read_with(text: &str, cables: Vec<CableGroup>) -> Result<StructureMesh, MeshE
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("canopy.msh");
     std::fs::write(&file, text).unwrap();
-    gmsh(&GmshCanopy { file, cables, fabrics: Vec::new() }, Some(5.0))
+    gmsh(&GmshCanopy { file, cables, fabrics: Vec::new() }, true, Some(5.0))
 }
 
 /// Faces of a named surface have the cloth of its group, others that of `[fabric]`; a group without surfaces is refused.
@@ -82,7 +82,7 @@ fn surfaces_of_groups_have_their_cloth() {
         std::fs::write(&file, &text).unwrap();
         let thickness_m = Some(2e-4);
         let fabrics = vec![FabricGroup { group: group.into(), thickness_m, ..FabricGroup::default() }];
-        gmsh(&GmshCanopy { file, cables: Vec::new(), fabrics }, Some(5.0))
+        gmsh(&GmshCanopy { file, cables: Vec::new(), fabrics }, true, Some(5.0))
     };
     let mesh = with("crown").unwrap();
     assert_eq!(mesh.face_fabric, [None, Some(0), Some(0)]);
@@ -131,6 +131,33 @@ fn gmsh_canopy_is_read_completely() {
     assert_eq!(mesh.fixed, [(0, [false, false, true]), (3, [false, false, true]), (6, [true; 3])]);
 }
 
+/// Without `[fabric]` the nodes of cables are the canopy, the payload's point comes after them; surfaces are refused, and with `[fabric]` so is
+/// a file without them.
+#[test]
+fn cables_alone_are_a_structure() {
+    let with = |text: &str, fabric: bool| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("canopy.msh");
+        std::fs::write(&file, text).unwrap();
+        let canopy = GmshCanopy { file, cables: Vec::new(), fabrics: Vec::new() };
+        gmsh(&canopy, fabric, Some(5.0)).map_err(|e| e.to_string())
+    };
+    // The file without its surface: one cable, fixed points, the payload.
+    let text = FILE
+        .replace("5 6 1 6\n", "3 3 1 6\n")
+        .replace("2 1 3 1\n1 1 2 5 4\n2 1 2 2\n2 2 3 6\n3 2 6 5\n", "")
+        .replace("4 0 0 0 0 1 0 1 3 0", "4 0 0 0 0 1 0 0 0");
+    let text = text.replace("1 4 1 1\n4 4 1\n", "").replace("3 3 1 6\n", "2 2 1 6\n");
+    let mesh = with(&text, false).unwrap();
+    assert_eq!((mesh.n_canopy, mesh.coords.len(), mesh.faces.len()), (1, 2, 0));
+    assert_eq!((mesh.cables[0].nodes, mesh.cables[0].rest_length), ([0, 1], 3.0));
+    assert_eq!(mesh.point_masses, [(1, 5.0)]);
+    assert!(with(&text, true).unwrap_err().contains("has no fabric"));
+    assert!(with(FILE, false).unwrap_err().contains("has fabric, 3 faces"));
+    let none = with(&text.replace("\"lines\"", "\"ropes\""), false).unwrap_err();
+    assert!(none.contains("no fabric and no cables"), "{none}");
+}
+
 #[test]
 fn errors_report_the_line() {
     let reason = |from: &str, to: &str| match read(&FILE.replacen(from, to, 1)) {
@@ -144,7 +171,7 @@ fn errors_report_the_line() {
     assert!(reason("0 1 0\n1 1 0", "0 1 0\n0.5 0 0").contains("no area"));
     assert!(reason("$EndElements\n", "").contains("the file ends"));
     assert!(matches!(
-        gmsh(&GmshCanopy { file: "/none.msh".into(), cables: Vec::new(), fabrics: Vec::new() }, None),
+        gmsh(&GmshCanopy { file: "/none.msh".into(), cables: Vec::new(), fabrics: Vec::new() }, true, None),
         Err(MeshError::Io { .. })
     ));
 }
