@@ -130,7 +130,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
-    ("flow.steady", "flow-solver/tests/convergence.rs", "steady_march_does_not_end_on_an_unconverged_step"),
+    (
+        "flow.steady",
+        "flow-solver/tests/verification/convergence.rs",
+        "steady_march_does_not_end_on_an_unconverged_step",
+    ),
     ("mesh.convergence", "mesh-mover/tests/motion.rs", "jump_over_several_layers_is_divided_into_increments"),
     (
         "structure.energy",

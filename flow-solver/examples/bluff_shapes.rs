@@ -8,6 +8,9 @@
 
 #[path = "../tests/common/mod.rs"]
 mod common;
+#[allow(dead_code, reason = "the plate of the peers is for another example")]
+#[path = "../tests/common/plate.rs"]
+mod plate;
 #[path = "../tests/common/shapes.rs"]
 mod shapes;
 #[path = "../tests/common/wake.rs"]

@@ -3,6 +3,8 @@
 //! `cargo run --release -p flow-solver --example sphere -- [Reynolds number] [cells along a quarter circle] [cells off the sphere] [end, D/U]
 //! [smallest upwind share]`
 
+#[path = "../tests/common/bodies.rs"]
+mod bodies;
 #[path = "../tests/common/mod.rs"]
 mod common;
 #[path = "../tests/common/sphere.rs"]

@@ -8,10 +8,7 @@ use std::f64::consts::FRAC_PI_4;
 use mesh::{FlowGrid, Patch, block_grid, box_grid};
 
 use super::common::growing;
-
-#[allow(dead_code, reason = "the plate of the peers is for another test")]
-#[path = "plate.rs"]
-mod plate;
+use super::plate;
 
 /// A shape of zero thickness with a published drag coefficient.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,10 +4,8 @@ use std::f64::consts::PI;
 
 use flow_solver::physics::Laminar;
 
+use super::bodies;
 use super::common::{at_rest, isothermal, settings, wall_force};
-
-#[path = "bodies.rs"]
-mod bodies;
 
 const RHO: f64 = 1.225;
 

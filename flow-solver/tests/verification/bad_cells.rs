@@ -1,10 +1,8 @@
 //! Air without friction on badly shaped cells: nothing may feed it energy.
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{Noise, at_rest, isothermal, settings};
+use crate::common::{Noise, at_rest, isothermal, settings};
 use flow_solver::physics::Inviscid;
 use mesh::{BoxShape, Patch, box_grid_of};
 

@@ -1,9 +1,7 @@
 //! Spalart-Allmaras against exact solutions and published figures.
 
-mod common;
-
+use crate::common::{Noise, at_rest, isothermal, settings};
 use comm::Comm;
-use common::{Noise, at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{EddyViscosity, Turbulent, WallTreatment, velocity_ratio};
 use flow_solver::shear::{Profile, WindShear};

@@ -1,9 +1,5 @@
 //! How fast the flow loses the energy of resolved eddies: Taylor-Green vortex at Reynolds number 1600.
 
-mod common;
-#[path = "common/taylor_green.rs"]
-mod vortex;
-
 use std::f64::consts::PI;
 
 use mesh::{BoxShape, Patch, box_grid_of};
@@ -11,15 +7,15 @@ use mesh::{BoxShape, Patch, box_grid_of};
 /// Deviation of the kinetic energy from the reference at t = 5, 9 and 12, on 32 cells per wavelength.
 fn deviations(upwind: f64) -> Vec<f64> {
     let n = 16;
-    let mut s = vortex::at_start(BoxShape::Hexahedra, n, 1e-2, upwind);
+    let mut s = crate::vortex::at_start(BoxShape::Hexahedra, n, 1e-2, upwind);
     let steps = (12.0 * n as f64 / (0.8 * PI)).round() as usize;
     let dt = 12.0 / steps as f64;
-    let mut energies = vec![vortex::energy(&s)];
+    let mut energies = vec![crate::vortex::energy(&s)];
     for _ in 0..steps {
-        vortex::step(&mut s, dt);
-        energies.push(vortex::energy(&s));
+        crate::vortex::step(&mut s, dt);
+        energies.push(crate::vortex::energy(&s));
     }
-    vortex::deviations(&energies, dt)
+    crate::vortex::deviations(&energies, dt)
 }
 
 /// Each band is a tenth of the recorded result, at least 0.005. The upwind scheme damps eddies of eight cells; at t = 12
@@ -45,8 +41,8 @@ fn flux_is_upwind_at_the_seams_of_a_grid() {
         let phase = x[1] / PI;
         x[0] += 0.9 * PI * (phase - phase.round()).abs();
     }
-    let mut s = vortex::on_grid(&grid, 1e-2, 0.0);
-    vortex::step(&mut s, 0.8 * PI / n as f64);
+    let mut s = crate::vortex::on_grid(&grid, 1e-2, 0.0);
+    crate::vortex::step(&mut s, 0.8 * PI / n as f64);
     let shares = s.face_flux().iter().map(|f| f64::from(f.blending.upwind));
     let (upwind, blended): (Vec<f64>, Vec<f64>) = shares.partition(|share| *share > 0.9);
     // Four planes of faces across y; the periodic sides of the box are there twice.

@@ -2,11 +2,9 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{at_rest, isothermal, settings};
+use crate::common::{at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Inviscid, Isothermal, Laminar};
 use flow_solver::steady::March;
@@ -99,7 +97,7 @@ fn steady_march_converges_to_the_steady_wake() {
 /// Where the wall behind 120 degrees goes wrong: largest error of the pressure coefficient
 /// and least total-pressure coefficient (1 in potential flow) of the cells along the wall,
 /// by sector, in time and with refinement.
-/// `cargo test --release -p flow-solver --test cylinder rear -- --ignored --nocapture`
+/// `cargo test --release -p flow-solver --test verification rear -- --ignored --nocapture`
 #[test]
 #[ignore = "nightly: 1 minute"]
 fn inviscid_rear_of_the_cylinder() {

@@ -3,9 +3,7 @@
 //! Lengths in step heights H. A channel of 8 H opens to 9 H; Re = 36 000 by H and the speed in front of the step. The flow reattaches at
 //! 6.26 +- 0.10 H (experiment) or 6.1 H (Spalart-Allmaras, two programs on fine grids).
 
-mod common;
-
-use common::{growing, isothermal, settings};
+use crate::common::{growing, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{EddyViscosity, Isothermal, Turbulent, WallTreatment};
 use flow_solver::steady::March;

@@ -1,12 +1,8 @@
 //! Periodic patches: nothing in the flow shows where the domain is cut.
 
-mod common;
-#[path = "common/taylor_green.rs"]
-mod vortex;
-
 use std::f64::consts::PI;
 
-use common::{Noise, at_rest, isothermal, settings};
+use crate::common::{Noise, at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{EddyViscosity, Gas, Isothermal, Laminar, Turbulent, Viscosity, WallTreatment};
 use flow_solver::residual::Slopes;
@@ -112,14 +108,15 @@ fn the_place_of_the_cut_does_not_matter() {
 #[test]
 fn an_octant_is_an_eighth_of_the_periodic_box() {
     let difference = |n: usize, upwind: f64| {
-        let mut octant = vortex::at_start(BoxShape::Hexahedra, n, 1e-6, upwind);
-        let mut whole = vortex::at_start_in([-PI; 3], [PI; 3], ALL, BoxShape::Hexahedra, 2 * n, 1e-6, upwind);
+        let mut octant = crate::vortex::at_start(BoxShape::Hexahedra, n, 1e-6, upwind);
+        let mut whole =
+            crate::vortex::at_start_in([-PI; 3], [PI; 3], ALL, BoxShape::Hexahedra, 2 * n, 1e-6, upwind);
         for _ in 0..6 {
-            vortex::step(&mut octant, 0.2);
-            vortex::step(&mut whole, 0.2);
+            crate::vortex::step(&mut octant, 0.2);
+            crate::vortex::step(&mut whole, 0.2);
         }
         // The energies are per volume of the octant.
-        let (a, b) = (vortex::energy(&octant), vortex::energy(&whole) / 8.0);
+        let (a, b) = (crate::vortex::energy(&octant), crate::vortex::energy(&whole) / 8.0);
         assert!(a < 0.125 && b < 0.125, "{a} and {b} of 0.125");
         a / b - 1.0
     };
@@ -135,8 +132,8 @@ fn an_octant_is_an_eighth_of_the_periodic_box() {
 #[test]
 fn residual_depends_on_the_state_alone() {
     for shape in SHAPES {
-        let mut s = vortex::at_start(shape, 4, 1e-2, 0.0);
-        vortex::step(&mut s, 0.1);
+        let mut s = crate::vortex::at_start(shape, 4, 1e-2, 0.0);
+        crate::vortex::step(&mut s, 0.1);
         let n = s.q.len();
         let mut kept = s.face_flux().to_vec();
         let (mut q, mut gradient) = (s.q.clone(), vec![[[0.0; 4]; 3]; n]);

@@ -1,12 +1,10 @@
 //! Forces on patches of the outer boundary: they balance the momentum that passes the grid, and are those of a canopy of
 //! the same shape.
 
-mod common;
-
 use std::collections::BTreeMap;
 
+use crate::common::{isothermal, settings};
 use case::{Condition, ForceCoefficients};
-use common::{isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{self, Isothermal, Laminar};
 use flow_solver::steady::March;

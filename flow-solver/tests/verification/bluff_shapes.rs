@@ -1,18 +1,12 @@
 //! Grids around shapes of zero thickness: cells, wall, and a uniform stream through them. Their forces: `bluff.rs`.
 
-mod common;
-#[path = "common/shapes.rs"]
-mod shapes;
-#[path = "common/wake.rs"]
-mod wake;
-
 use std::f64::consts::PI;
 
-use common::{Noise, at_rest, isothermal, settings};
+use crate::common::{Noise, at_rest, isothermal, settings};
+use crate::shapes::Shape;
 use flow_solver::Step;
 use flow_solver::physics::{Inviscid, Laminar};
 use mesh::{FlowGrid, Patch, quality};
-use shapes::Shape;
 
 const SHAPES: [Shape; 4] = [Shape::Disk, Shape::Plate, Shape::CupOpen, Shape::CupAway];
 
@@ -143,7 +137,7 @@ fn statistics_of_a_known_signal() {
             [t, 1.2 + 0.3 * noise.next(), 0.1 + 0.2 * sin, 0.2 * cos]
         })
         .collect();
-    let s = wake::statistics(&rows);
+    let s = crate::wake::statistics(&rows);
     println!("{s:?}");
     assert_eq!(s.batches, 10);
     assert!((s.drag - 1.2).abs() < 2.0 * s.interval, "{s:?}");

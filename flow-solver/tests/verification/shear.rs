@@ -1,8 +1,6 @@
 //! Wind by height in an empty box.
 
-mod common;
-
-use common::{isothermal, settings};
+use crate::common::{isothermal, settings};
 use flow_solver::Step;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Inviscid;

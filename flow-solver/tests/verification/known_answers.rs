@@ -2,13 +2,9 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-#[path = "common/plate.rs"]
-mod plate;
-
 use std::f64::consts::PI;
 
-use common::{at_rest, isothermal, settings, solver_of};
+use crate::common::{at_rest, isothermal, settings, solver_of};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{
     EddyViscosity, Gas, IdealGas, Inviscid, Isothermal, Laminar, Turbulent, WallTreatment,
@@ -195,7 +191,7 @@ fn plate_drag<G: Gas<N>, const N: usize>(
     method: Method,
     drop: f64,
 ) -> (f64, usize) {
-    let grid = plate::plate(every);
+    let grid = crate::plate::plate(every);
     let mut settings = settings([0.0, 0.0, speed], drop);
     settings.method = method;
     settings.max_iterations = 2000;
@@ -259,7 +255,7 @@ fn cost_and_drag_do_not_depend_on_the_mach_number() {
 fn pressure_scales_with_the_square_of_the_mach_number() {
     let air = settings([0.0; 3], 1.0).air;
     let sound = (air.gas_constant * air.temperature).sqrt();
-    let grid = plate::plate(4);
+    let grid = crate::plate::plate(4);
     let run = |mach: f64| {
         let speed = mach * sound;
         let mut settings = settings([0.0, 0.0, speed], 1e-5);
@@ -330,7 +326,7 @@ fn air_at_rest_stays_at_rest() {
 /// Repeating a step from its own result gives the same result, and a little work.
 #[test]
 fn repeated_steps_use_a_warm_start() {
-    let grid = plate::plate(4);
+    let grid = crate::plate::plate(4);
     let mut s = isothermal(&grid, Inviscid, settings([0.0, 0.0, 4.88], 1e-5));
     let mut loads = Loads::new(&s);
     for _ in 0..4 {

@@ -2,9 +2,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
-use common::{Noise, isothermal, settings, solver_of};
+use crate::common::{Noise, isothermal, settings, solver_of};
 use flow_solver::Step;
 use flow_solver::geometry::Metrics;
 use flow_solver::geometry::vec3::Vec3;

@@ -6,9 +6,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
-use common::{Noise, isothermal, settings, solver_with_cloth};
+use crate::common::{Noise, isothermal, settings, solver_with_cloth};
 use flow_solver::geometry::FaceMetric;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::gradient::Field;

@@ -1,8 +1,6 @@
 //! What is wrong is named, and nothing that is not a number leaves the solver.
 
-mod common;
-
-use common::{isothermal, settings};
+use crate::common::{isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Inviscid;
 use flow_solver::{FlowError, Step, state};

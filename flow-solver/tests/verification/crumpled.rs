@@ -14,7 +14,7 @@ const CELL: f64 = 0.2;
 
 /// The flat square of 2 m, released from the shape that a stage without flow has left; `more`: lines of `[flow]`.
 fn scene(more: &str) -> Scene {
-    let text = include_str!("../../cases/square-drop/scene.toml");
+    let text = include_str!("../../../cases/square-drop/scene.toml");
     let start = text.find("[[stage]]").expect("stages");
     let stages = "[[stage]]\nname = \"shape\"\nkind = \"pre-inflation\"\npressure_pa = 12.0\nsolve = \"static\"\n\
                   [[stage]]\nname = \"descent\"\nkind = \"coupled\"\nduration_s = 1.0\nwindow_s = 5e-3\nsubsteps = 10\n";

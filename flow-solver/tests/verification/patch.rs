@@ -7,9 +7,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
-use common::{Noise, isothermal, settings, solver_of, solver_with_cloth};
+use crate::common::{Noise, isothermal, settings, solver_of, solver_with_cloth};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::gradient::Gradient;
 use flow_solver::permeable::Permeability;

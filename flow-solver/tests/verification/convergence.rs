@@ -1,10 +1,6 @@
 //! Whether a step is converged is known and said.
 
-mod common;
-#[path = "common/plate.rs"]
-mod plate;
-
-use common::{at_rest, isothermal, settings};
+use crate::common::{at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Laminar;
 use flow_solver::steady::March;
@@ -17,7 +13,7 @@ fn plate(max_iterations: usize, drop: f64) -> flow_solver::Solver<flow_solver::p
     let mut settings = settings([0.0, 0.0, 4.88], drop);
     settings.method = LU_SGS;
     settings.max_iterations = max_iterations;
-    isothermal(&plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings)
+    isothermal(&crate::plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings)
 }
 
 /// What the scene's default drop of 1e-2 takes by LU-SGS, and what 60 iterations leave. The steps are those of
@@ -57,7 +53,7 @@ fn lu_sgs_needs_more_iterations_than_pressure_corrections() {
 fn repeated_step_uses_the_tolerance_of_its_window() {
     let mut settings = settings([0.0, 0.0, 4.88], 1e-2);
     settings.repeated_drop = 1e-4;
-    let mut s = isothermal(&plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings);
+    let mut s = isothermal(&crate::plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings);
     let mut last = at_rest(0.02);
     last.moved = true;
     for _ in 0..3 {

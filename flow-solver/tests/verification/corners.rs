@@ -1,8 +1,6 @@
 //! Corner cases: air that nothing lets out, steps that viscosity dominates.
 
-mod common;
-
-use common::{isothermal, settings};
+use crate::common::{isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Gas, Isothermal, Laminar};

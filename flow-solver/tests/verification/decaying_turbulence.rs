@@ -1,9 +1,6 @@
 //! Isotropic turbulence decays as measured behind a grid (Comte-Bellot and Corrsin 1971).
 
-mod common;
-#[path = "common/isotropic.rs"]
-mod isotropic;
-
+use crate::isotropic::{Model, Place};
 use flow_solver::physics::{EddyViscosity, Turbulent, Viscosity, WallTreatment};
 use immersed::axis::Axis;
 use immersed::cut_faces::CutFaces;
@@ -11,7 +8,6 @@ use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, Settings};
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
-use isotropic::{Model, Place};
 use nalgebra::{Matrix3, Vector3};
 
 /// The table of the paper holds its own fluctuations and dissipation: 22.2, 12.8 and 8.95 cm/s, and 633 and 174 cm2/s3 at the later stations.
@@ -20,7 +16,7 @@ fn measured_spectra_have_their_published_integrals() {
     let step: f64 = 0.001;
     let sum = |station: usize, weight: fn(f64) -> f64| -> f64 {
         let k = (0..5000).map(|i| 15.0 * (1.0 + step).powi(i)).take_while(|k| *k < 2000.0);
-        k.map(|k| isotropic::measured(station, k) * weight(k) * k * step).sum()
+        k.map(|k| crate::isotropic::measured(station, k) * weight(k) * k * step).sum()
     };
     for (station, speed) in [0.222, 0.128, 0.0895].into_iter().enumerate() {
         let energy = sum(station, |_| 1.0);
@@ -43,14 +39,15 @@ fn resolved_energy_decays_as_measured() {
         (Model::Wale, 1.042, 1.07),
         (Model::Ddes, 0.988, 1.00),
     ] {
-        let mut s = isotropic::at_start(n, model, 0.0);
-        let start = isotropic::spectrum(&s, n);
-        assert!((isotropic::energy(&start) / isotropic::resolved(0, n) - 1.0).abs() < 1e-12);
-        isotropic::to_station(&mut s, n, 1, 0.5);
-        let spectrum = isotropic::spectrum(&s, n);
-        let found = isotropic::energy(&spectrum) / isotropic::resolved(1, n);
+        let mut s = crate::isotropic::at_start(n, model, 0.0);
+        let start = crate::isotropic::spectrum(&s, n);
+        assert!((crate::isotropic::energy(&start) / crate::isotropic::resolved(0, n) - 1.0).abs() < 1e-12);
+        crate::isotropic::to_station(&mut s, n, 1, 0.5);
+        let spectrum = crate::isotropic::spectrum(&s, n);
+        let found = crate::isotropic::energy(&spectrum) / crate::isotropic::resolved(1, n);
         let shells = 7..=10;
-        let measured: f64 = shells.clone().map(|m| isotropic::measured(1, isotropic::wave_number(m))).sum();
+        let measured: f64 =
+            shells.clone().map(|m| crate::isotropic::measured(1, crate::isotropic::wave_number(m))).sum();
         let of_small = shells.map(|m| spectrum[m]).sum::<f64>() / measured;
         println!("{model:?}: energy {found:.3}, waves of four cells {of_small:.3}");
         assert!((found - energy).abs() < 0.03, "{model:?}: energy {found}");
@@ -74,13 +71,14 @@ fn fitted_and_immersed_flow_have_the_same_models() {
 
 /// A field of the same spectrum in the immersed flow, whose grid has open ends along z: half of the box, between planes of symmetry.
 fn immersed_at_start(n: usize, model: Option<SubgridModel>) -> Flow {
-    let axis = |part: usize| Axis::even(0.0, isotropic::SIZE / part as f64, n / part);
+    let axis = |part: usize| Axis::even(0.0, crate::isotropic::SIZE / part as f64, n / part);
     let ends = [Ends::Periodic, Ends::Periodic, Ends::Open([End::Slip; 2])];
     let momentum = Momentum { upwind_share: 0.0, viscosity: 1.5e-5 };
     let settings = Settings { density: 1.225, far: Vector3::zeros(), momentum, tolerance: 1e-6 };
     let mut flow = Flow::new(Grid::new([axis(1), axis(1), axis(2)], ends), settings);
     flow.set_subgrid_model(model);
-    for (i, u) in isotropic::random_field(n, Place::Faces).into_iter().take(n * n * n / 2).enumerate() {
+    for (i, u) in crate::isotropic::random_field(n, Place::Faces).into_iter().take(n * n * n / 2).enumerate()
+    {
         let at = flow.grid.at([i % n, i / n % n, i / (n * n)].map(|i| i as isize));
         (0..3).for_each(|d| flow.velocity[d][at] = u[d]);
     }
@@ -108,12 +106,12 @@ fn advance_immersed(flow: &mut Flow, span: f64, courant: f64) -> [f64; 2] {
 
 /// Spectrum of the immersed flow and its mirror image.
 fn immersed_spectrum(flow: &Flow, n: usize) -> Vec<f64> {
-    isotropic::spectrum_of(n, |d, i| {
+    crate::isotropic::spectrum_of(n, |d, i| {
         let image = i >= n * n * n / 2 && !(d == 2 && i / (n * n) == n / 2);
         let (i, sign) = match (image, d) {
             (false, _) => (i, 1.0),
-            (true, 2) => (isotropic::mirrored(i, n, true), -1.0),
-            (true, _) => (isotropic::mirrored(i, n, false), 1.0),
+            (true, 2) => (crate::isotropic::mirrored(i, n, true), -1.0),
+            (true, _) => (crate::isotropic::mirrored(i, n, false), 1.0),
         };
         sign * flow.velocity[d][flow.grid.at([i % n, i / n % n, i / (n * n)].map(|i| i as isize))]
     })
@@ -131,14 +129,15 @@ fn resolved_energy_of_the_immersed_flow_decays_as_measured() {
     ] {
         let mut flow = immersed_at_start(n, model);
         let start = immersed_spectrum(&flow, n);
-        assert!((isotropic::energy(&start) / isotropic::resolved(0, n) - 1.0).abs() < 1e-12);
+        assert!((crate::isotropic::energy(&start) / crate::isotropic::resolved(0, n) - 1.0).abs() < 1e-12);
         for station in 1..=2 {
-            let span = isotropic::TIMES[station] - isotropic::TIMES[station - 1];
+            let span = crate::isotropic::TIMES[station] - crate::isotropic::TIMES[station - 1];
             let rates = advance_immersed(&mut flow, span, 0.2);
             let spectrum = immersed_spectrum(&flow, n);
-            let found = isotropic::energy(&spectrum) / isotropic::resolved(station, n);
+            let found = crate::isotropic::energy(&spectrum) / crate::isotropic::resolved(station, n);
             let ratio = |shells: std::ops::RangeInclusive<usize>| -> f64 {
-                let measured = |m: usize| isotropic::measured(station, isotropic::wave_number(m));
+                let measured =
+                    |m: usize| crate::isotropic::measured(station, crate::isotropic::wave_number(m));
                 let measured: f64 = shells.clone().map(measured).sum();
                 shells.map(|m| spectrum[m]).sum::<f64>() / measured
             };

@@ -1,8 +1,6 @@
 //! Fabric that lets air through, against its curve of pressure and velocity.
 
-mod common;
-
-use common::{Noise, at_rest, isothermal, settings, solver_with_cloth};
+use crate::common::{Noise, at_rest, isothermal, settings, solver_with_cloth};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};

@@ -1,7 +1,7 @@
 //! Bluff bodies with published forces whose wakes take minutes: sphere at Re 300, square plate
 //! and disk normal to the stream at high Reynolds numbers with detached eddies.
 //!
-//! `cargo test --release -p flow-solver --test bluff -- --ignored --nocapture`
+//! `cargo test --release -p flow-solver --test verification bluff:: -- --ignored --nocapture`
 //!
 //! The bounds are **records**: the distance from the middle of the published range that was measured on the grid that each
 //! test names, plus half of that range, rounded up. Sphere, drag: 0.044, 0.015 and 0.007 on the three grids (of second
@@ -11,28 +11,18 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-#[path = "common/shapes.rs"]
-mod shapes;
-
-#[path = "common/sphere.rs"]
-mod sphere;
-
-#[path = "common/wake.rs"]
-mod wake;
-
-use common::{at_rest, isothermal, settings};
+use crate::common::{at_rest, isothermal, settings};
+use crate::shapes::{Shape, sheet};
+use crate::wake::{Case, Model};
 use flow_solver::Loads;
 use flow_solver::physics::{EddyViscosity, Laminar, Turbulent, Viscosity, WallTreatment};
 use flow_solver::turbulence::{SpalartAllmaras, ddes};
 use mesh::FlowGrid;
-use shapes::{Shape, sheet};
-use wake::{Case, Model};
 
 const RHO: f64 = 1.225;
 
 fn sphere_300(n: usize, nr: usize, end: f64, upwind: f64) -> [f64; 3] {
-    sphere::wake(300.0, [n, nr], end, upwind)
+    crate::sphere::wake(300.0, [n, nr], end, upwind)
 }
 
 /// Published: drag coefficient 0.655 to 0.671, lift coefficient 0.065 to 0.069, Strouhal number
@@ -196,7 +186,7 @@ fn cup_open_to_the_stream() {
         courant: 0.8,
         half: 5.0,
     };
-    let found = wake::statistics(&case.run(|_| ()).rows);
+    let found = crate::wake::statistics(&case.run(|_| ()).rows);
     println!("{case:?}: {found:?}");
     assert!((found.drag - 1.469).abs() < 2.0 * 0.013, "{found:?}");
 }

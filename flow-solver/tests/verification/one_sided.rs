@@ -1,8 +1,6 @@
 //! A canopy with fluid on one side only: loads by the ambient pressure, on grids that move.
 
-mod common;
-
-use common::{Noise, isothermal, settings};
+use crate::common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::monitors::Surface;
 use flow_solver::physics::{Inviscid, Isothermal, Laminar};

@@ -1,11 +1,9 @@
 //! Data of single patches: channel, flow rate, moving walls, an inlet that changes in time, a free stream.
 
-mod common;
-
 use std::f64::consts::{PI, TAU};
 
+use crate::common::{Noise, at_rest, isothermal, settings, solver_of};
 use case::{InletValues, MovingWall, OutletValues, ProfileTable, TimeFactor, WallRotation};
-use common::{Noise, at_rest, isothermal, settings, solver_of};
 use flow_solver::boundary_values::{BoundaryValueError, BoundaryValues};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};

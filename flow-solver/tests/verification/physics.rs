@@ -2,9 +2,7 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
-use common::{Noise, isothermal, settings};
+use crate::common::{Noise, isothermal, settings};
 use flow_solver::geometry::vec3::{Mat3, Vec3};
 use flow_solver::geometry::{FaceMetric, Metrics};
 use flow_solver::physics::{

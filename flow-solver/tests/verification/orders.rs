@@ -2,11 +2,9 @@
 
 #![allow(clippy::needless_range_loop)]
 
-mod common;
-
 use std::f64::consts::PI;
 
-use common::{isothermal, settings, solver_of};
+use crate::common::{isothermal, settings, solver_of};
 use flow_solver::geometry::Metrics;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};
@@ -155,7 +153,7 @@ fn manufactured_on_swaying_tetrahedra_prisms_and_pyramids() {
     }
 }
 
-/// `cargo test --release -p flow-solver --test orders -- --ignored --nocapture`
+/// `cargo test --release -p flow-solver --test verification orders:: -- --ignored --nocapture`
 #[test]
 #[ignore = "nightly: 5 minutes"]
 fn manufactured_refined_again() {
@@ -299,7 +297,7 @@ fn gust_accelerates_the_whole_domain_uniformly() {
     for k in 0..15 {
         let t = k as f64 * dt;
         s.set_far_field_velocity([t + dt, t, t - dt].map(|t| wind.at(t).into()), dt);
-        s.advance(&common::at_rest(dt)).unwrap();
+        s.advance(&crate::common::at_rest(dt)).unwrap();
         s.accept(dt, false);
         let v = wind.at(t + dt);
         for q in &s.q {
@@ -341,7 +339,7 @@ fn vortex(n: usize) -> f64 {
     }
     s.restore(previous, dt, 0).unwrap();
     for _ in 0..steps {
-        s.advance(&common::at_rest(dt)).unwrap();
+        s.advance(&crate::common::at_rest(dt)).unwrap();
         s.accept(dt, false);
     }
     let sum: f64 = (0..s.topology.n_owned)

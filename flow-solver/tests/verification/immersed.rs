@@ -14,7 +14,7 @@ const VISCOUS: &str = "[flow.viscosity]\ndynamic_viscosity_pa_s = 0.05";
 
 /// The flat square of 2 m released from its cut in one coupled stage.
 fn scene(more: &str) -> Scene {
-    let text = include_str!("../../cases/square-drop/scene.toml");
+    let text = include_str!("../../../cases/square-drop/scene.toml");
     let start = text.find("[[stage]]").expect("stages");
     let stage = "[[stage]]\nname = \"descent\"\nkind = \"coupled\"\nduration_s = 1.0\nwindow_s = 5e-3\nsubsteps = 10\n";
     let text = text[..start].replace(

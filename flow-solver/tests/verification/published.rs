@@ -1,15 +1,11 @@
 //! Bodies whose forces are published. The short tests run with the others; the refined
 //! ones, and those that take thousands of steps, by name:
-//! `cargo test --release -p flow-solver --test published -- --ignored --nocapture`
-
-#[path = "common/bodies.rs"]
-mod bodies;
-mod common;
+//! `cargo test --release -p flow-solver --test verification published:: -- --ignored --nocapture`
 
 use std::f64::consts::PI;
 
-use bodies::{channel, quarter_shell, ring};
-use common::{at_rest, isothermal, settings};
+use crate::bodies::{channel, quarter_shell, ring};
+use crate::common::{at_rest, isothermal, settings};
 use flow_solver::Solver;
 use flow_solver::monitors::Probes;
 use flow_solver::physics::{Isothermal, Laminar};

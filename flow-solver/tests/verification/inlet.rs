@@ -1,8 +1,6 @@
 //! Given velocity at an inlet: its flux, a free stream that stays, and the mass of a blocked wind tunnel.
 
-mod common;
-
-use common::{Noise, at_rest, isothermal, settings, solver_of};
+use crate::common::{Noise, at_rest, isothermal, settings, solver_of};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::{BoundaryFace, Gas, IdealGas, Inviscid, Isothermal, open_boundary};
 use flow_solver::{Loads, Solver, Step};
