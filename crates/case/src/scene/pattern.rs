@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::canopy::{LENGTH, line_segments, one};
 use super::canopy_risers::{self, CanopyRisers};
+use crate::Scene;
 use crate::check::Check;
-use crate::{Role, Scene};
 
 /// A canopy sewn from flat panels. The pattern file has the outlines of the panels, the seams, where lines are attached and where tapes run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -56,13 +56,6 @@ pub(super) fn check(p: &PatternCanopy, scene: &Scene, c: &mut Check) {
             "fabric.orthotropic.direction",
             "each panel of a pattern has a warp of its own",
             "remove `direction`; set `warp_deg` of the panels in the pattern file",
-        );
-    }
-    if scene.grid_file().is_some() && scene.stages.iter().any(|s| s.kind.roles().contains(&Role::Flow)) {
-        c.refuse(
-            "flow.grid_file",
-            "a grid from a file has no faces on the panels of a pattern",
-            "use [flow.immersed] with `spacing_m`",
         );
     }
 }

@@ -119,9 +119,10 @@ fn canopy_layout(scene: &Scene) -> Result<(AtpsLayout, f64), MeshError> {
         Canopy::Cross(_) => {
             none("cross", "no fitted grid is made around a cross: add [flow.immersed] with spacing_m")
         }
-        Canopy::Pattern(_) => {
-            none("pattern", "no fitted grid is made around a sewn canopy: add [flow.immersed] with spacing_m")
-        }
+        Canopy::Pattern(_) => none(
+            "pattern",
+            "no fitted grid is made around a sewn canopy: add [flow.immersed] with spacing_m, or a [flow.grid_file] around it",
+        ),
         Canopy::AirBag(_) => none("air-bag", "the air bag has no flow grid; run the structure alone"),
         Canopy::Panel(_) => none("panel", "the grid around a panel is a box: add [flow.box]"),
         Canopy::None => none("none", "no grid is generated without a canopy: add [flow.grid_file]"),

@@ -76,7 +76,7 @@ fn runs(
     }
 }
 
-/// Writes `grid` as Gmsh 4.1. The canopy becomes the physical group `membrane`;
+/// Writes `grid` as Gmsh 4.1, without cells the canopy alone. The canopy becomes the physical group `membrane`;
 /// `name` gives the group of each face of [`FlowGrid::boundary`], by its number.
 /// Nodes keep their order (tags from 1), and so do cells.
 ///
@@ -92,8 +92,11 @@ pub fn write_msh(
     let mut patches: BTreeMap<String, Vec<usize>> = BTreeMap::new();
     (0..grid.boundary.len()).for_each(|k| patches.entry(name(k)).or_default().push(k));
     let mut all = Vec::new();
-    runs(&mut all, 3, 1, grid.cells.iter().map(cell));
-    let mut groups = vec![(3, 1, "air".to_owned())];
+    let mut groups = Vec::new();
+    if !grid.cells.is_empty() {
+        groups.push((3, 1, "air".to_owned()));
+        runs(&mut all, 3, 1, grid.cells.iter().map(cell));
+    }
     if !grid.canopy_faces.is_empty() {
         groups.push((2, 1, membrane.to_owned()));
         runs(&mut all, 2, 1, grid.canopy_faces.iter().map(|f| face(*f)));
@@ -128,8 +131,8 @@ fn put(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)], all: &[Run]
 }
 
 fn put_entities(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)]) -> std::io::Result<()> {
-    let surfaces = groups.len() - 1;
-    for n in [0, 0, surfaces, 1] {
+    let of = |dimension: i32| groups.iter().filter(|g| g.0 == dimension).count();
+    for n in [0, 0, of(2), of(3)] {
         w.size(n)?;
     }
     w.line()?;
@@ -150,7 +153,7 @@ fn put_entities(w: &mut Sink, grid: &FlowGrid, groups: &[(i32, i32, String)]) ->
         if *dimension == 2 {
             w.size(0)?;
         } else {
-            w.size(surfaces)?;
+            w.size(of(2))?;
             for g in groups.iter().filter(|g| g.0 == 2) {
                 w.int(g.1)?;
             }
@@ -166,7 +169,8 @@ fn put_nodes(w: &mut Sink, grid: &FlowGrid) -> std::io::Result<()> {
         w.size(x)?;
     }
     w.line()?;
-    for x in [3, 1, 0] {
+    let dimension = if grid.cells.is_empty() { 2 } else { 3 };
+    for x in [dimension, 1, 0] {
         w.int(x)?;
     }
     w.size(n)?;
