@@ -121,6 +121,22 @@ fn report_and_export(out: &Path) {
     }
 }
 
+/// What is estimated before a run of cables alone is a number, also with a payload, and nothing is warned of that belongs to fabric.
+#[test]
+fn cables_alone_are_inspected() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("rope.msh"), rope(4)).expect("a mesh file");
+    let falls = "[descent]\npayload_mass_kg = 5.0\ninitial_speed_m_s = 3.0\nreference_area_m2 = 1.0\n\n[fabric_gravity]";
+    let scene = changed_scene("hanging-rope", folder.path(), &[("[fabric_gravity]", falls)]);
+    for word in ["check", "effects"] {
+        let mut command = std::process::Command::new(program("ripstop"));
+        command.arg(word).arg(&scene);
+        let output = succeed(command);
+        let text = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(!text.contains("NaN") && !text.contains("inf ") && !text.contains("warning:"), "{text}");
+    }
+}
+
 /// A file with surfaces needs [fabric]; a stage with air needs fabric; a pressure acts on none.
 #[test]
 fn scenes_of_cables_alone_refuse_what_needs_fabric() {

@@ -120,10 +120,8 @@ impl<'a> Facts<'a> {
 
     /// Whether the scene has what the check `id` is about: a canopy, or a length of the body for numbers of the flow.
     pub fn has_subject(&self, id: &str) -> bool {
-        let of_fabric = id.starts_with("fabric.");
-        let of_a_canopy = id.starts_with("lines.")
-            || id.starts_with("tapes.")
-            || ["stage.canopy-mode", "flow.courant"].contains(&id);
+        let of_fabric = id.starts_with("fabric.") || id == "stage.canopy-mode";
+        let of_a_canopy = id.starts_with("lines.") || id.starts_with("tapes.") || id == "flow.courant";
         let of_a_length = ["flow.reynolds", "stage.development", "stage.shedding"].contains(&id);
         (self.scene.has_canopy() || !of_a_canopy)
             && (self.scene.has_fabric() || !of_fabric)

@@ -60,6 +60,8 @@ pub struct Numbers<'a> {
     pub drag: f64,
     /// Longest stage with structure or flow, s.
     pub duration: f64,
+    /// Least time in which a wave passes a cable element, s; infinite without cables.
+    pub cable_passage: f64,
 }
 
 impl<'a> Numbers<'a> {
@@ -111,6 +113,11 @@ impl<'a> Numbers<'a> {
             },
             drag: if falling_mass > 0.0 { falling_mass * gravity } else { dynamic_pressure * fabric_area },
             duration: scene.stages.iter().map(|s| s.duration_s).fold(0.0, f64::max),
+            cable_passage: mesh
+                .cables
+                .iter()
+                .filter_map(|c| Some(c.rest_length / c.section(scene)?.wave_speed()))
+                .fold(f64::INFINITY, f64::min),
         }
     }
 

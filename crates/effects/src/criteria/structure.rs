@@ -363,7 +363,10 @@ pub fn immersed(s: &Scope<'_>) -> Assessment {
 /// The time integration is a matter of error and cost, not of physics.
 pub fn integration(s: &Scope<'_>) -> Assessment {
     let f = &s.scene().fabric;
-    let stable = s.n.cell / (f.youngs_modulus_pa / f.density_kg_m3).sqrt();
+    let stable = match s.scene().has_fabric() {
+        true => s.n.cell / (f.youngs_modulus_pa / f.density_kg_m3).sqrt(),
+        false => s.n.cable_passage,
+    };
     let steps =
         s.scene().stages.iter().filter(|g| g.window_s > 0.0).map(|g| g.window_s / f64::from(g.substeps));
     Assessment::not(format!(
