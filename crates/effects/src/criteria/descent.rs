@@ -133,6 +133,9 @@ pub fn descent(s: &Scope<'_>) -> Assessment {
     if n.falling_mass == 0.0 {
         return Assessment::not("nothing falls in this scene");
     }
+    if !s.scene().has_fabric() {
+        return Assessment::not("no air acts on cables alone");
+    }
     Assessment::not(format!(
         "part of what is simulated: a weight of {:.0} N on {:.0} N of dynamic pressure; speeds respond within {:.2} s",
         n.falling_mass * n.gravity,
