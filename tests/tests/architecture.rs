@@ -77,7 +77,7 @@ const LAYERS: [(&str, &[&str]); 16] = [
     ("results", &["archive", "case", "channel", "coupling", "terminal", "timing"]),
     ("effects", &["case", "coupling", "mesh"]),
     ("figures", &["case", "coupling", "mesh", "results", "terminal"]),
-    ("export", &["coupling", "figures", "mesh", "terminal"]),
+    ("export", &["case", "coupling", "figures", "mesh", "terminal"]),
     ("report", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
     ("studies", &["case", "coupling", "effects", "figures", "mesh", "results", "terminal"]),
 ];

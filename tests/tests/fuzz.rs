@@ -22,7 +22,7 @@ fn scenes() {
     assert!(good.len() > 5);
     // In a folder with the files that they name.
     let (folder, _) = slot();
-    for named in ["plate-gmsh/plate.msh", "pattern-conical/gore.pattern"] {
+    for named in ["plate-gmsh/plate.msh", "pattern-conical/gore.pattern", "hanging-rope/rope.msh"] {
         let from = root().join("cases").join(named);
         let name = from.file_name().expect("a name");
         std::fs::copy(&from, folder.path().join(name)).expect("a copy");
@@ -33,7 +33,7 @@ fn scenes() {
         let scene = case::parse(file, &text).map_err(|e| e.to_string())?;
         // Accepted scenes have finite values.
         let dense = scene.fabric.density_kg_m3 * scene.fabric.thickness_m;
-        assert!(dense.is_finite() && dense > 0.0);
+        assert!(dense.is_finite() && (dense > 0.0 || !scene.has_fabric()));
         assert!(scene.stages.iter().all(|s| s.window_s >= 0.0 && s.window_s.is_finite()));
         // Names are used as file names and must not leave their folder.
         let names = scene.stages.iter().map(|s| &s.name).chain([&scene.name]);
