@@ -107,7 +107,8 @@ impl<'c> StageRun<'c, '_> {
             window_s: window.dt,
             rejected: self.rejected,
             done: self.clock.planned(),
-            descent_speed_m_s: -state.velocity[2],
+            // A frame at rest has no sign.
+            descent_speed_m_s: 0.0 - state.velocity[2],
             acceleration_m_s2: state.acceleration[2],
             trajectory: self.trajectory(),
             drag_n,
