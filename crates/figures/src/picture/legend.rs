@@ -46,7 +46,7 @@ impl Legend {
         pick(self.scale, self.range.place(value))
     }
 
-    /// Draws the colour bar from `corner`, with title above and ticks below. Lengths in pixels; `text` is the font size.
+    /// Draws the colour bar from `corner`, with title above and ticks below; nothing without a title. Lengths in pixels; `text` is the font size.
     pub(super) fn draw<DB: Canvas>(
         &self,
         sheet: &Sheet<'_, DB>,
@@ -54,6 +54,9 @@ impl Legend {
         size: [f64; 2],
         text: f64,
     ) -> Drawn<DB> {
+        if self.title.is_empty() {
+            return Ok(());
+        }
         let marks = linear_marks([self.range.low, self.range.high], 5);
         let marks = marks.into_iter().map(|(v, label)| (self.range.place(v), label)).collect();
         ColourBar { title: &self.title, scale: self.scale, marks }.draw(sheet, corner, size, text)

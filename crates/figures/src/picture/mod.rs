@@ -202,8 +202,10 @@ fn caption(stage: &str, time: f64) -> String {
 /// Nodal values that colour the fabric, with their legend: pressure jump, major stress or displacement, the first that
 /// varies.
 fn fabric(canopy: &Piece) -> (Legend, Vec<f64>) {
+    // Cables alone have no colour.
+    let coloured = canopy.n_cells() > 0;
     let legend = |title: &str, values: &[f64]| Legend {
-        title: title.into(),
+        title: if coloured { title.into() } else { String::new() },
         scale: WARM,
         range: Range::of(values.iter().copied(), 0.01),
     };

@@ -144,8 +144,11 @@ pub(super) fn draw(raster: &mut Raster, view: &View, body: &Body, legend: &Legen
     }
 }
 
-/// Position of the payload (lowest end of the lines) and its drawn size.
+/// Position of the payload (lowest end of the lines) and its drawn size; `None` for cables without fabric, which carry none.
 pub(super) fn payload_place(canopy: &Piece, lines: &Piece) -> Option<(Point, f64)> {
+    if canopy.n_cells() == 0 {
+        return None;
+    }
     let ends = (0..lines.n_cells()).flat_map(|c| lines.cell(c)).map(|&i| lines.points[i as usize]);
     let [low, high] = bounds(canopy.points.iter().copied());
     ends.min_by(|a, b| a[2].total_cmp(&b[2])).map(|top| (top, 0.045 * (high[0] - low[0])))
