@@ -91,8 +91,9 @@ fn a_rope_between_supports_is_an_elastic_catenary() {
         assert!((found[0][1] - 0.5 * WEIGHT * length).abs() < 1e-6, "{found:?}");
         errors.push([0, 1].map(|k| -found[k][0] - exact[k][0]));
         let z = found[1][1] - exact[1][1];
-        // 8e-4 of the force on 16 elements, by the order below.
-        assert!(z.abs() < 1e-3 * exact[1][1] * (16.0 / elements as f64).powi(2), "{z}");
+        eprintln!("upper support: {z} of {}", exact[1][1]);
+        // Measured: 3.7e-4 of the force on 16 elements.
+        assert!(z.abs() < 4.5e-4 * exact[1][1] * (16.0 / elements as f64).powi(2), "{z}");
         if elements == 16 {
             let two = folder.path().join("two");
             succeed(ripstop_run(&scene, &two, &["--ranks", "structure=2", "--stop-after-windows", "1"]));
@@ -102,9 +103,10 @@ fn a_rope_between_supports_is_an_elastic_catenary() {
         }
     }
     for (k, exact) in exact.iter().enumerate() {
+        eprintln!("stage {k}: {:?} of {exact:?}", [errors[0][k], errors[1][k]]);
         let [coarse, fine] = [errors[0][k], errors[1][k]];
-        assert!((3.9..4.1).contains(&(coarse / fine)), "stage {k}: {coarse} {fine}");
-        assert!(((4.0 * fine - coarse) / 3.0).abs() < 1e-5 * exact[0], "stage {k}: {coarse} {fine}");
+        assert!((3.98..4.02).contains(&(coarse / fine)), "stage {k}: {coarse} {fine}");
+        assert!(((4.0 * fine - coarse) / 3.0).abs() < 5e-7 * exact[0], "stage {k}: {coarse} {fine}");
     }
 }
 

@@ -74,14 +74,17 @@ fn balance(history: &History) -> [f64; 3] {
 }
 
 /// In a coupled stage the reaction on the payload, by the element forces, is the support force, by the impulse of the air and the change of the
-/// momentum: to 5e-4 of the largest, because the coupling averages velocities (1.5e-4 in this descent on its whole grid).
+/// momentum: to 2e-4 of the largest, because the coupling averages velocities (measured: 1.1e-4).
 fn reactions_are_the_support_force(out: &Path) {
     let reactions = History::read_file(&out.join("descent/reactions.csv")).column("payload_force_z_n");
     let support = History::read(out, "descent").column("support_force_n");
     let most = support.iter().fold(0.0, |m: f64, f| m.max(f.abs()));
     assert_eq!(reactions.len(), support.len());
+    let off = |(r, s): (&f64, &f64)| (r + s).abs() / most;
+    let largest = reactions.iter().zip(&support).map(off).fold(0.0, f64::max);
+    eprintln!("reactions off by {largest:.1e} of the largest support force");
     for (reaction, support) in reactions.iter().zip(&support) {
-        assert!((reaction + support).abs() < 5e-4 * most, "{reaction} {support}");
+        assert!((reaction + support).abs() < 2e-4 * most, "{reaction} {support}");
     }
 }
 
