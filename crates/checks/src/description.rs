@@ -139,8 +139,12 @@ fn coupling(scene: &Scene) -> String {
 fn flow_grid(scene: &Scene, interface: &CanopyInterface) -> String {
     if let Some(g) = scene.flow.as_ref().and_then(|f| f.immersed.as_ref()) {
         let cells = mesh::structure_mesh(scene).map_or(0, |mesh| immersed_sizes(g, &mesh).cells);
+        let device = match g.device {
+            case::FlowDevice::Cpu => "",
+            case::FlowDevice::Gpu => "; steps on a GPU",
+        };
         return format!(
-            "flow grid: Cartesian, {cells} cells around the unstressed canopy, {} m wide at the canopy, which moves through it",
+            "flow grid: Cartesian, {cells} cells around the unstressed canopy, {} m wide at the canopy, which moves through it{device}",
             g.spacing_m
         );
     }

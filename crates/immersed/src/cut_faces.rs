@@ -235,9 +235,9 @@ impl CutFaces {
         let faces = self.faces();
         let first = |f: &std::ops::Range<usize>| &self.crossings[f.start];
         let dominant = |c: &Crossing| c.normal[c.axis].abs() >= c.normal.amax() - 1e-12;
-        let mut places: HashMap<[usize; 3], Vec<usize>> = HashMap::new();
+        let mut places = Places::new(self.crossings.iter().map(|c| c.cell));
         for (i, face) in faces.iter().enumerate().filter(|(_, f)| dominant(first(f))) {
-            places.entry(first(face).cell).or_default().push(i);
+            places.set(first(face), i);
         }
         let mut members: Vec<Vec<(usize, f64)>> = vec![Vec::new(); faces.len()];
         for (i, face) in faces.iter().enumerate() {
@@ -380,12 +380,51 @@ pub(crate) fn scaled_positions(
     Ok(scaled)
 }
 
+/// Faces by the cell whose lower face they are, in a box around all.
+struct Places {
+    start: [usize; 3],
+    extent: [usize; 3],
+    /// Number of the face of each cell along each axis, or [`NONE`].
+    faces: Vec<[u32; 3]>,
+}
+
+/// No face.
+const NONE: u32 = u32::MAX;
+
+impl Places {
+    /// Of faces in these cells, without any.
+    fn new(cells: impl Iterator<Item = [usize; 3]>) -> Self {
+        let (mut start, mut end) = ([usize::MAX; 3], [0; 3]);
+        for cell in cells {
+            for d in 0..3 {
+                start[d] = cell[d].min(start[d]);
+                end[d] = (cell[d] + 1).max(end[d]);
+            }
+        }
+        let extent = [0, 1, 2].map(|d| end[d].saturating_sub(start[d]));
+        Self { start, extent, faces: vec![[NONE; 3]; extent.iter().product()] }
+    }
+
+    fn index(&self, cell: [usize; 3]) -> Option<usize> {
+        let [x, y, z] = [0, 1, 2].map(|d| cell[d].wrapping_sub(self.start[d]));
+        let [nx, ny, nz] = self.extent;
+        (x < nx && y < ny && z < nz).then_some((z * ny + y) * nx + x)
+    }
+
+    fn set(&mut self, crossing: &Crossing, face: usize) {
+        if let Some(index) = self.index(crossing.cell) {
+            self.faces[index][crossing.axis] = face as u32;
+        }
+    }
+
+    fn get(&self, cell: [usize; 3]) -> impl Iterator<Item = usize> + '_ {
+        let of_cell = self.index(cell).map_or(&[NONE; 3], |index| &self.faces[index]);
+        of_cell.iter().filter(|face| **face != NONE).map(|face| *face as usize)
+    }
+}
+
 /// The dominant face nearest to the crossing `own`, of the same sheet, by its normal.
-fn nearest<'a>(
-    own: &Crossing,
-    places: &HashMap<[usize; 3], Vec<usize>>,
-    crossing: impl Fn(usize) -> &'a Crossing,
-) -> Option<usize> {
+fn nearest<'a>(own: &Crossing, places: &Places, crossing: impl Fn(usize) -> &'a Crossing) -> Option<usize> {
     let middle =
         |c: &Crossing| Vector3::from_fn(|d, _| c.cell[d] as f64 + if d == c.axis { 0.0 } else { 0.5 });
     let mut best = (f64::INFINITY, None);
@@ -393,7 +432,7 @@ fn nearest<'a>(
         for dy in -REACH..=REACH {
             for dx in -REACH..=REACH {
                 let cell = [0, 1, 2].map(|d| own.cell[d].wrapping_add_signed([dx, dy, dz][d]));
-                for &j in places.get(&cell).into_iter().flatten() {
+                for j in places.get(cell) {
                     let other = crossing(j);
                     if own.normal.dot(&other.normal).abs() < SAME_SHEET {
                         continue;

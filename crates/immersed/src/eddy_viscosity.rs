@@ -47,6 +47,14 @@ pub enum SubgridModel {
 }
 
 impl SubgridModel {
+    /// Its number in the loops of a device, and its constant.
+    pub(crate) fn numbered(self) -> (usize, f64) {
+        match self {
+            Self::Smagorinsky => (0, SMAGORINSKY),
+            Self::Wale => (1, WALE),
+        }
+    }
+
     /// Kinematic eddy viscosity over the square of the filter width, $`C^2 r`$, 1/s.
     pub fn rate(self, g: &Gradient) -> f64 {
         match self {
@@ -119,7 +127,7 @@ pub(crate) struct Lengths {
     /// Width of cell i - 1: from the cell below the grid to the one above it, 1/m.
     pub(crate) width: Vec<f64>,
     /// Width of cell i to the power of two thirds.
-    filter: Vec<f64>,
+    pub(crate) filter: Vec<f64>,
 }
 
 impl Lengths {
@@ -147,6 +155,16 @@ impl Lengths {
     pub(crate) fn width(&self, i: isize) -> f64 {
         self.width[(i + 1) as usize]
     }
+}
+
+/// Positions of the cells that use a difference across the surface.
+pub(crate) fn crossed_cells(strides: [usize; 3], friction: &Friction) -> impl Iterator<Item = usize> + '_ {
+    friction.segments().flat_map(move |(c, [low, high])| {
+        let along = high - low == strides[c];
+        let shift = if along { 0 } else { strides[c] };
+        let own = if along { [low, low] } else { [low, high] };
+        own.into_iter().flat_map(move |at| [at, at - shift])
+    })
 }
 
 /// The eddy viscosity of a flow.
@@ -201,16 +219,15 @@ impl EddyViscosity {
 
     /// Sets the cells to zero that use a difference across the surface.
     fn clear_crossed(&mut self, grid: &Grid, friction: &Friction) {
-        for (c, [low, high]) in friction.segments() {
-            if high - low == grid.strides[c] {
-                self.values[low] = 0.0;
-            } else {
-                for at in [low, high] {
-                    self.values[at] = 0.0;
-                    self.values[at - grid.strides[c]] = 0.0;
-                }
-            }
-        }
+        crossed_cells(grid.strides, friction).for_each(|at| self.values[at] = 0.0);
+    }
+
+    pub(crate) fn model(&self) -> SubgridModel {
+        self.model
+    }
+
+    pub(crate) fn lengths(&self, d: usize) -> &Lengths {
+        &self.lengths[d]
     }
 
     /// Fills the ghosts: the value of the next cell at open ends.
@@ -357,6 +374,9 @@ impl Flow {
     /// Sets the model of the eddies that cells do not resolve; `None`: laminar flow, which costs nothing.
     pub fn set_subgrid_model(&mut self, model: Option<SubgridModel>) {
         self.eddies = model.map(|model| EddyViscosity::new(&self.grid, model));
+        if let Some(device) = &mut self.device {
+            device.set_eddies(&self.grid, self.eddies.as_ref());
+        }
     }
 
     /// The model of [`Self::set_subgrid_model`].
@@ -367,6 +387,9 @@ impl Flow {
     /// Largest $`4 \nu_t \sum_d h_d^{-2}`$ of the velocity as it is, 1/s: what the eddy viscosity adds to the rate that limits the step, as
     /// $`12 \nu / h^2`$ of the molecular one. Zero without a model. `friction`: of the surface as it is. On several ranks collective.
     pub fn largest_eddy_rate(&mut self, friction: Option<&Friction>) -> f64 {
+        if let Some(device) = &self.device {
+            return device.largest_eddy_rate(friction);
+        }
         let Self { grid, velocity, slabs, eddies, .. } = self;
         let Some(eddies) = eddies else { return 0.0 };
         eddies.update(grid, velocity, slabs, friction);

@@ -19,6 +19,7 @@ use std::rc::Rc;
 use nalgebra::Vector3;
 
 use crate::constraints::FluxConstraints;
+use crate::device::DeviceFlow;
 use crate::eddy_viscosity::EddyViscosity;
 use crate::far_field::FarField;
 use crate::free_edges::EdgeFluxes;
@@ -78,7 +79,7 @@ struct KeptStep {
 }
 
 /// Flow on a Cartesian grid. On several ranks its calls are collective.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Flow {
     /// Grid.
     pub grid: Grid,
@@ -88,12 +89,12 @@ pub struct Flow {
     pub velocity: Velocity,
     pub(crate) far_field: FarField,
     /// Where the velocity of the far field changes with height.
-    undisturbed: Option<Undisturbed>,
+    pub(crate) undisturbed: Option<Undisturbed>,
     pub(crate) slabs: Slabs,
     pub(crate) poisson: Poisson,
     /// Rates of the last accepted step; empty after a step that is kept, which has them.
-    before: Velocity,
-    previous_dt: Option<f64>,
+    pub(crate) before: Velocity,
+    pub(crate) previous_dt: Option<f64>,
     /// Rates of the step that is predicted, and its velocity before pressure and surface; empty or not in use where none is predicted.
     rates: Velocity,
     pub(crate) predicted: Velocity,
@@ -114,6 +115,8 @@ pub struct Flow {
     pub(crate) dt: f64,
     /// Of a flow with a model of its small eddies.
     pub(crate) eddies: Option<EddyViscosity>,
+    /// Of a flow whose steps another device computes; the arrays above follow by [`Self::gather`].
+    pub(crate) device: Option<Box<DeviceFlow>>,
 }
 
 /// State of a flow at an accepted step.
@@ -162,6 +165,7 @@ impl Flow {
             eddies: None,
             far_field: settings.far.into(),
             undisturbed: None,
+            device: None,
             velocity,
             settings,
             grid,
@@ -173,8 +177,9 @@ impl Flow {
         &self.slabs
     }
 
-    /// Completes velocity, rates and pressure on every rank.
+    /// Completes velocity, rates and pressure on every rank, and brings them from a device.
     pub fn gather(&mut self) {
+        self.download();
         for values in self.velocity.iter_mut().chain(&mut self.before) {
             self.slabs.gather(values);
         }
@@ -186,6 +191,7 @@ impl Flow {
     pub fn fill_ghosts(&mut self) {
         self.grid.fill_ghosts(&mut self.velocity, &self.far_field, &self.slabs);
         self.slabs.exchange(&mut self.velocity);
+        self.upload();
     }
 
     /// Lets the velocity of the far field change with height: at `start` and `end` of the next step it is that of each height z (m, in the grid), m/s. The vertical
@@ -209,6 +215,7 @@ impl Flow {
                 layer.fill(self.far_field.at(c, k as isize - ghosts));
             }
         }
+        self.upload();
     }
 
     /// Sets each component of the velocity, m/s, to its `value` at its place, m.
@@ -226,6 +233,7 @@ impl Flow {
     /// Adds a velocity of `share` of the far field's across the stream in a ball around the origin, so that a symmetric wake need not wait for
     /// round-off.
     pub fn perturb(&mut self, share: f64) {
+        self.download();
         let across = if self.settings.far.x.abs() < self.settings.far.norm() * 0.5 { 0 } else { 1 };
         for cell in cells_of(&self.grid.all_cells()) {
             let x = [0, 1, 2].map(|d| self.grid.coordinate(across, d, cell[d]));
@@ -250,6 +258,11 @@ impl Flow {
         edges: &EdgeFluxes,
         friction: Option<&mut Friction>,
     ) {
+        if let Some(mut device) = self.device.take() {
+            self.predict_on(&mut device, (dt, frame), edges, friction);
+            self.device = Some(device);
+            return;
+        }
         let viscosity = self.settings.momentum.viscosity;
         let planes = self.slabs.own();
         let own = self.slabs.positions(planes.start as isize..planes.end as isize);
@@ -311,10 +324,13 @@ impl Flow {
         self.release_kept();
         self.spare = Vec::new();
         (self.rates, self.predicted) = Default::default();
+        if let Some(device) = &mut self.device {
+            device.release_arrays();
+        }
     }
 
     /// Share of the rates of the step before in those of the middle of this one, negative.
-    fn share_before(&self) -> f64 {
+    pub(crate) fn share_before(&self) -> f64 {
         self.previous_dt.map_or(0.0, |previous| 0.5 * self.dt / previous)
     }
 
@@ -364,6 +380,11 @@ impl Flow {
     /// # Panics
     /// No step was kept.
     pub fn return_to_prediction(&mut self) {
+        if let Some(mut device) = self.device.take() {
+            self.return_to_prediction_on(&mut device);
+            self.device = Some(device);
+            return;
+        }
         let kept = self.kept.take().expect("a step that is kept");
         (self.dt, self.at_walls) = (kept.dt, kept.at_walls);
         let rates = std::mem::replace(&mut self.rates, kept.rates);
@@ -382,6 +403,11 @@ impl Flow {
 
     /// Returns to the start of the step that was kept; without one nothing changes.
     pub fn return_to_start(&mut self) {
+        if let Some(mut device) = self.device.take() {
+            self.return_to_start_on(&mut device);
+            self.device = Some(device);
+            return;
+        }
         if let Some(kept) = self.kept.take() {
             self.recycle(kept.rates);
             self.restart_from(kept.velocity, kept.before, kept.previous_dt);
@@ -398,6 +424,9 @@ impl Flow {
 
     /// Ends the possibility to return to the step that was kept.
     pub fn release_kept(&mut self) {
+        if let Some(device) = &mut self.device {
+            device.release_kept();
+        }
         let Some(kept) = self.kept.take() else { return };
         if self.before[0].is_empty() {
             self.before = kept.rates;
@@ -437,6 +466,11 @@ impl Flow {
 
     /// Ends the step with the pressure jumps of the constraints.
     pub fn accept(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
+        if let Some(mut device) = self.device.take() {
+            self.end_on(&mut device, rows, jumps, false);
+            self.device = Some(device);
+            return;
+        }
         let arrays = self.end_step(rows, jumps);
         arrays.into_iter().for_each(|array| self.recycle(array));
     }
@@ -444,6 +478,11 @@ impl Flow {
     /// As [`Self::accept`], of a step to which the flow may return: until [`Self::release_kept`] later steps have no own array for the velocity at
     /// their start.
     pub fn accept_and_keep(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
+        if let Some(mut device) = self.device.take() {
+            self.end_on(&mut device, rows, jumps, true);
+            self.device = Some(device);
+            return;
+        }
         let previous_dt = self.previous_dt;
         let [velocity, before] = self.end_step(rows, jumps);
         self.kept = Some(KeptStep {
@@ -476,6 +515,9 @@ impl Flow {
     /// Least and largest pressure of the last accepted step, Pa; zero in the far field.
     pub fn pressure_range(&self) -> [f64; 2] {
         let scale = if self.dt > 0.0 { self.settings.density / self.dt } else { 0.0 };
+        if let Some(device) = &self.device {
+            return device.largest(Vector3::zeros()).pressures.map(|p| scale * p);
+        }
         let part = Part::slab(&self.grid, &self.slabs);
         let own = part.own();
         let pressures = &self.pressure[own.start * part.plane()..own.end * part.plane()];
@@ -516,6 +558,9 @@ impl Flow {
 
     /// Largest sum over the axes of velocity relative to the grid, which moves with `frame`, over width of a cell, 1/s.
     pub fn largest_rate(&self, frame: Vector3<f64>) -> f64 {
+        if let Some(device) = &self.device {
+            return device.largest(frame).rate;
+        }
         let grid = &self.grid;
         let widths: [Vec<f64>; 3] = [0, 1, 2].map(|d| grid.axes[d].widths.iter().map(|w| 1.0 / w).collect());
         self.largest(|cell| {
@@ -531,6 +576,9 @@ impl Flow {
 
     /// Largest velocity relative to `frame` at the centres of the cells, m/s.
     pub fn largest_speed(&self, frame: Vector3<f64>) -> f64 {
+        if let Some(device) = &self.device {
+            return device.largest(frame).speed;
+        }
         self.largest(|cell| (self.cell_velocity(cell) - frame).norm())
     }
 
@@ -559,6 +607,10 @@ impl Flow {
         self.velocity = state.velocity;
         self.before = state.rates;
         self.kept = None;
+        if let Some(device) = &mut self.device {
+            device.release_kept();
+        }
+        self.upload();
         (self.previous_dt, self.jump) = (state.previous_dt, state.jump);
         Some(())
     }

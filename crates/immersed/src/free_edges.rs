@@ -48,7 +48,7 @@ struct EdgeFlux {
 }
 
 /// The fluxes near the free edges of a surface.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct EdgeFluxes {
     fluxes: Vec<EdgeFlux>,
     /// Width of a cell, m.
@@ -183,6 +183,11 @@ impl EdgeFluxes {
                 rates[c][upper] += rate;
             }
         }
+    }
+
+    /// Component, axis, position of the upper value and upwind share of each flux.
+    pub(crate) fn fluxes(&self) -> impl Iterator<Item = (u8, u8, usize, f64)> + '_ {
+        self.fluxes.iter().map(|f| (f.component, f.axis, f.upper, f.share))
     }
 
     /// Number of fluxes.

@@ -47,7 +47,7 @@ struct WallSide {
 }
 
 /// Two neighbours whose viscous flux the surface interrupts.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Segment {
     component: u8,
     /// Positions of the lower and the upper value.
@@ -172,6 +172,29 @@ impl Friction {
             }
             *u -= lost;
         }
+    }
+
+    /// Component and position of its value, distance and velocity of each side.
+    pub(crate) fn sides(&self) -> impl Iterator<Item = ((u8, usize), f64, f64)> + '_ {
+        self.sides.iter().map(|s| ((s.component, s.at), s.distance, s.velocity))
+    }
+
+    /// Whether segments and sides are those of `other`, whatever their velocities and forces.
+    pub(crate) fn is_at_the_place_of(&self, other: &Self) -> bool {
+        let place = |s: &WallSide| (s.component, s.at, s.distance);
+        self.spacing == other.spacing
+            && self.segments == other.segments
+            && self.sides.iter().map(place).eq(other.sides.iter().map(place))
+    }
+
+    /// Width of a cell, m.
+    pub(crate) fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Sets the force of each side in the last step, N.
+    pub(crate) fn set_forces(&mut self, forces: &[f64]) {
+        self.sides.iter_mut().zip(forces).for_each(|(side, force)| side.force = *force);
     }
 
     /// Component and position of the values at the positions `own` that [`Self::apply`] changes.

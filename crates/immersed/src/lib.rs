@@ -11,6 +11,7 @@
 //! - [`pockets`]: air that a surface encloses in few cells,
 //! - [`face_transfer`]: velocities and forces between constraints and the faces of a surface,
 //! - [`slabs`]: the part of a grid that each rank computes,
+//! - [`device`]: steps on another device, such as a GPU,
 //! - [`flow`], [`pressure_jumps`]: a time step.
 //!
 //! Why: `docs/decisions/0048-immersed-surfaces.md`.
@@ -18,6 +19,7 @@
 pub mod axis;
 pub mod constraints;
 pub mod cut_faces;
+pub mod device;
 mod eddy_stress;
 pub mod eddy_viscosity;
 pub mod face_transfer;
@@ -32,7 +34,7 @@ pub mod pockets;
 pub mod poisson;
 pub mod pressure_jumps;
 mod projection;
-mod regrid;
+pub mod regrid;
 pub mod shapes;
 pub mod slabs;
 mod undisturbed;

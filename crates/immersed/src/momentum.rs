@@ -45,7 +45,7 @@ fn flux(u: [f64; 4], v: f64, share: f64, k: f64) -> f64 {
 }
 
 /// Weights of a volume of component `c` along c at index `i`: shares of the lower and the upper cell.
-fn shares(grid: &Grid, c: usize, i: usize) -> [f64; 2] {
+pub(crate) fn shares(grid: &Grid, c: usize, i: usize) -> [f64; 2] {
     let w = &grid.axes[c].widths;
     let (below, above) = match (i, grid.ends[c]) {
         (0, Ends::Periodic) => (w[w.len() - 1], w[0]),
@@ -58,15 +58,15 @@ fn shares(grid: &Grid, c: usize, i: usize) -> [f64; 2] {
 }
 
 /// Geometry of the fluxes of component c along d, by index along d from -1 for fluxes and 0 for volumes.
-struct Line {
+pub(crate) struct Line {
     /// Inverse distance of the two values next to a flux; entry m + 1 belongs to the flux above value m.
-    distance: Vec<f64>,
+    pub(crate) distance: Vec<f64>,
     /// Inverse width of a volume.
-    width: Vec<f64>,
+    pub(crate) width: Vec<f64>,
 }
 
 impl Line {
-    fn new(grid: &Grid, c: usize, d: usize) -> Self {
+    pub(crate) fn new(grid: &Grid, c: usize, d: usize) -> Self {
         let n = grid.axes[d].len();
         let widths = &grid.axes[d].widths;
         let centre = |i: usize| 1.0 / grid.centre_distance(d, i);

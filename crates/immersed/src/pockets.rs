@@ -48,46 +48,96 @@ impl Cells {
         [cell % nx, cell / nx % ny, cell / nx / ny]
     }
 
-    /// Cells that share a face with this one which is not cut.
-    fn open_neighbours(&self, cell: usize) -> impl Iterator<Item = usize> {
-        let at = self.place(cell);
-        (0..6).filter_map(move |side| {
-            let (axis, up) = (side / 2, side % 2 == 1);
-            let mut other = at;
-            other[axis] = if up { at[axis] + 1 } else { at[axis].checked_sub(1)? };
-            if other[axis] == self.extent[axis] {
-                return None;
-            }
-            let other = self.number(other);
-            let face = if up { other } else { cell };
-            (!self.cut[face][axis]).then_some(other)
-        })
+    /// Cells in a row along x that no face separates: the first of each run, in order, and one more than the last of all.
+    fn runs(&self) -> Vec<usize> {
+        let nx = self.extent[0];
+        let starts = |cell: &usize| cell.is_multiple_of(nx) || self.cut[*cell][0];
+        let mut runs: Vec<usize> = (0..self.cut.len()).filter(starts).collect();
+        runs.push(self.cut.len());
+        runs
     }
 
-    /// Number of the connected part of each cell, the outer one first, and their sizes.
-    fn parts(&self) -> (Vec<u32>, Vec<usize>) {
-        let mut part = vec![u32::MAX; self.cut.len()];
-        let (mut sizes, mut open) = (Vec::new(), Vec::new());
-        for first in 0..part.len() {
-            if part[first] != u32::MAX {
-                continue;
-            }
-            let number = sizes.len() as u32;
-            let mut size = 0;
-            part[first] = number;
-            open.push(first);
-            while let Some(cell) = open.pop() {
-                size += 1;
-                for other in self.open_neighbours(cell) {
-                    if part[other] == u32::MAX {
-                        part[other] = number;
-                        open.push(other);
+    /// The connected parts as runs and, for each, that of the part's representative.
+    fn parts(&self) -> Parts {
+        let runs = self.runs();
+        let mut parts = Parts { part: (0..runs.len() as u32 - 1).collect(), sizes: Vec::new(), runs };
+        let [nx, ny, _] = self.extent;
+        for (axis, back) in [(1, nx), (2, nx * ny)] {
+            // The run of the cell below along the axis advances with the own one.
+            let mut below = 0;
+            for own in 0..parts.part.len() {
+                let (start, end) = (parts.runs[own], parts.runs[own + 1]);
+                let row = if axis == 1 { start / nx % ny } else { start / nx / ny };
+                if row == 0 {
+                    continue;
+                }
+                while parts.runs[below + 1] <= start - back {
+                    below += 1;
+                }
+                let mut other = below;
+                let mut cell = start;
+                while cell < end {
+                    // Cells of both runs up to the end of either: one open face connects them.
+                    let last = end.min(parts.runs[other + 1] + back);
+                    if (cell..last).any(|c| !self.cut[c][axis]) {
+                        parts.connect(own, other);
                     }
+                    cell = last;
+                    other += 1;
                 }
             }
-            sizes.push(size);
         }
-        (part, sizes)
+        parts.measure();
+        parts
+    }
+}
+
+/// Connected parts of the cells.
+struct Parts {
+    /// First cell of each run, and the end of the last.
+    runs: Vec<usize>,
+    /// A run of the same part that comes earlier, or itself.
+    part: Vec<u32>,
+    /// Cells of the part of each run that represents one.
+    sizes: Vec<usize>,
+}
+
+impl Parts {
+    /// The first run of a part.
+    fn first(&mut self, mut run: usize) -> usize {
+        while self.part[run] as usize != run {
+            let before = self.part[self.part[run] as usize];
+            self.part[run] = before;
+            run = before as usize;
+        }
+        run
+    }
+
+    fn connect(&mut self, a: usize, b: usize) {
+        let (a, b) = (self.first(a), self.first(b));
+        self.part[a.max(b)] = a.min(b) as u32;
+    }
+
+    /// Finds the sizes of all parts.
+    fn measure(&mut self) {
+        self.sizes = vec![0; self.part.len()];
+        for run in 0..self.part.len() {
+            let first = self.first(run);
+            self.part[run] = first as u32;
+            self.sizes[first] += self.runs[run + 1] - self.runs[run];
+        }
+    }
+
+    /// Whether there is one part only.
+    fn one(&self) -> bool {
+        self.part.iter().all(|first| *first == 0)
+    }
+
+    /// Whether the cell is in a part that the grid does not resolve; the first one surrounds all.
+    fn small(&self, cell: usize) -> bool {
+        let run = self.runs.partition_point(|start| *start <= cell) - 1;
+        let first = self.part[run] as usize;
+        first > 0 && self.sizes[first] <= MOST_CELLS
     }
 }
 
@@ -97,11 +147,10 @@ pub fn unresolved(grid: &Grid, rows: &FluxConstraints) -> Vec<usize> {
         return Vec::new();
     }
     let cells = Cells::new(grid, rows);
-    let (part, sizes) = cells.parts();
-    if sizes.len() == 1 {
+    let parts = cells.parts();
+    if parts.one() {
         return Vec::new();
     }
-    let small = |cell: usize| part[cell] > 0 && sizes[part[cell] as usize] <= MOST_CELLS;
     let first = grid.at(cells.start);
     let mut known: HashMap<(u8, usize), bool> = HashMap::new();
     let mut at_pocket = |face: (u8, usize)| {
@@ -109,7 +158,7 @@ pub fn unresolved(grid: &Grid, rows: &FluxConstraints) -> Vec<usize> {
             let upper = cells.of_position(grid, face.1 - first);
             let mut lower = cells.place(upper);
             lower[face.0 as usize] -= 1;
-            small(upper) || small(cells.number(lower))
+            parts.small(upper) || parts.small(cells.number(lower))
         })
     };
     (0..rows.len())
@@ -133,6 +182,56 @@ mod tests {
         let open = Ends::Open([End::Inflow, End::Outflow]);
         let slip = Ends::Open([End::Slip, End::Slip]);
         Grid::new([axis(), axis(), axis()], [open, slip, slip])
+    }
+
+    /// Parts of randomly cut cells are those that a search from cell to cell finds.
+    #[test]
+    fn parts_are_connected_through_open_faces() {
+        let mut state = 7u64;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut pockets = 0;
+        for share in [0.0, 0.3, 0.6, 0.7, 0.8, 0.95] {
+            let extent = [7, 6, 9];
+            let count = extent.iter().product();
+            let cut = (0..count).map(|_| [0; 3].map(|_| noise() < share)).collect();
+            let cells = Cells { start: [0; 3], extent, cut };
+            let mut parts = cells.parts();
+            let mut found = vec![usize::MAX; count];
+            for first in 0..count {
+                let mut open = vec![first];
+                while let Some(cell) = open.pop() {
+                    if found[cell] != usize::MAX {
+                        continue;
+                    }
+                    found[cell] = first;
+                    let at = cells.place(cell);
+                    for (axis, back) in [1, extent[0], extent[0] * extent[1]].into_iter().enumerate() {
+                        if at[axis] > 0 && !cells.cut[cell][axis] {
+                            open.push(cell - back);
+                        }
+                        if at[axis] + 1 < extent[axis] && !cells.cut[cell + back][axis] {
+                            open.push(cell + back);
+                        }
+                    }
+                }
+            }
+            let run = |cell: usize| parts.runs.partition_point(|start| *start <= cell) - 1;
+            let runs: Vec<usize> = (0..count).map(run).collect();
+            for a in 0..count {
+                let size = found.iter().filter(|f| **f == found[a]).count();
+                let small = found[a] != found[0] && size <= MOST_CELLS;
+                assert_eq!(parts.small(a), small, "{share}: cell {a}");
+                pockets += usize::from(small);
+                for b in 0..a {
+                    assert_eq!(parts.first(runs[a]) == parts.first(runs[b]), found[a] == found[b]);
+                }
+            }
+            assert_eq!(parts.one(), found.iter().all(|f| *f == 0));
+        }
+        assert!(pockets > 300, "{pockets}");
     }
 
     /// Spheres of 3.6 and 4.4 cells across enclose fewer than 64 cells, one of 6 cells more. An open cup of the small sphere encloses none.

@@ -140,6 +140,21 @@ impl Poisson {
         }
     }
 
+    /// Inverse distances of the centres along z; entry k couples cells k - 1 and k.
+    pub(crate) fn coupling(&self) -> &[f64] {
+        &self.coupling
+    }
+
+    /// Eigenvectors along x (0) or y (1), columns.
+    pub(crate) fn modes(&self, d: usize) -> &[f64] {
+        &self.modes[d]
+    }
+
+    /// Inverse pivots of the own modes for each cell along z.
+    pub(crate) fn pivots(&self) -> &[f64] {
+        &self.pivots
+    }
+
     /// Solves for `p` in place of the source, both in the own planes without ghosts, x fastest.
     pub fn solve(&mut self, p: &mut [f64], slabs: &Slabs) {
         let all = [0, 1, 2].map(|d| 0..self.n[d]);

@@ -83,6 +83,10 @@ impl Flow {
         let part = Part::slab(&self.grid, &self.slabs);
         let own = part.own();
         let (mut fluxes, mut speeds) = (vec![0.0; rows.len()], vec![0.0; rows.len()]);
+        if let Some(device) = &mut self.device {
+            device.predicted_fluxes(&self.grid, rows, &mut fluxes, &mut speeds);
+            return PredictedFluxes { fluxes, speeds };
+        }
         let faces = &mut self.work.in_slab;
         faces.set(rows, &self.grid, &part, &self.grid.layout());
         let pressure = &self.pressure[own.start * part.plane()..own.end * part.plane()];
@@ -131,7 +135,7 @@ impl Flow {
     }
 
     /// Length of the step over the mass of a cell, s/kg.
-    fn factor(&self) -> f64 {
+    pub(crate) fn factor(&self) -> f64 {
         let volume: f64 = self.grid.axes.iter().map(|a| a.spacing).product();
         self.dt / self.settings.density / volume
     }
@@ -167,6 +171,8 @@ struct Constraint<'a> {
     layout: Layout,
     work: ConstraintWork,
     factor: f64,
+    /// Number of the rows on a device.
+    on_device: usize,
 }
 
 impl<'a> Constraint<'a> {
@@ -183,6 +189,10 @@ impl<'a> Constraint<'a> {
         work.diagonal.clear();
         work.diagonal
             .extend(work.leak.iter().enumerate().map(|(r, leak)| own_response(rows, r, factor) + leak));
+        if let Some(device) = &mut flow.device {
+            let on_device = device.prepare(&flow.grid, rows, &work.leak, &work.closure);
+            return Self { flow, rows, part, layout, work, factor, on_device };
+        }
         work.in_box.set(rows, &flow.grid, &part, &layout);
         let of_grid = flow.grid.layout();
         work.positions.clear();
@@ -193,11 +203,14 @@ impl<'a> Constraint<'a> {
         }
         work.pressure.resize(part.plane() * part.own().len(), 0.0);
         work.below.resize(part.plane(), 0.0);
-        Self { flow, rows, part, layout, work, factor }
+        Self { flow, rows, part, layout, work, factor, on_device: 0 }
     }
 
     /// Fluxes through the surface that the jumps `x` cause.
     fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        if let Some(device) = &self.flow.device {
+            return device.responses(self.on_device, x, self.factor, y);
+        }
         let Flow { grid, slabs, poisson, .. } = &mut *self.flow;
         let ConstraintWork { in_box, positions, impulse, pressure, below, closure, leak, .. } =
             &mut self.work;

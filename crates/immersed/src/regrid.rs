@@ -2,6 +2,7 @@
 
 use nalgebra::Vector3;
 
+use crate::device::NoDevice;
 use crate::flow::Flow;
 use crate::grid::Grid;
 use crate::slabs::TooManyRanks;
@@ -42,21 +43,34 @@ fn interpolated(grid: &Grid, u: &[f64], lines: &[Interpolation; 3], cell: [usize
     Some(sum)
 }
 
+/// No flow on another grid.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NoNewGrid {
+    /// A grid too small for the ranks.
+    #[error(transparent)]
+    Ranks(#[from] TooManyRanks),
+    /// A device that cannot hold it.
+    #[error(transparent)]
+    Device(#[from] NoDevice),
+}
+
 impl Flow {
     /// The same flow on another grid, whose origin lies at `origin` (m) in the coordinates of this one: interpolated linearly, the far field's velocity
     /// where this grid ends, `far` at each height in the new grid if it is not the same everywhere. The next step removes what divergence that leaves; it is of first order in time.
     ///
     /// # Errors
-    /// A grid with too few cells for the ranks.
+    /// A grid with too few cells for the ranks, or too many for a device.
     pub fn on_grid(
         &mut self,
         grid: Grid,
         origin: Vector3<f64>,
         far: Option<&dyn Fn(f64) -> Vector3<f64>>,
-    ) -> Result<Self, TooManyRanks> {
+    ) -> Result<Self, NoNewGrid> {
         self.gather();
         self.release_arrays();
         let mut flow = Self::on_ranks(grid, self.settings, self.slabs().ranks().clone())?;
+        let device = self.device();
+        self.device = None;
         flow.set_subgrid_model(self.subgrid_model());
         if let Some(far) = far {
             flow.set_far_by_height(far, far);
@@ -75,6 +89,7 @@ impl Flow {
             }
         }
         flow.fill_ghosts();
+        flow.set_device(device)?;
         Ok(flow)
     }
 }

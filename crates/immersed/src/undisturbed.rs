@@ -48,19 +48,31 @@ impl Undisturbed {
         planes: std::ops::Range<usize>,
         rates: &mut Velocity,
     ) {
+        let undisturbed = self.layer_rates(momentum, frame);
+        for (rates, own) in rates.iter_mut().zip(&undisturbed) {
+            for k in planes.clone() {
+                layer(grid, rates, k).iter_mut().for_each(|rate| *rate -= own[k]);
+            }
+        }
+    }
+
+    /// Rates of the undisturbed air in each plane on a grid that moves with the velocity `frame` (m/s), m/s2.
+    pub(crate) fn layer_rates(&mut self, momentum: &Momentum, frame: Vector3<f64>) -> [Vec<f64>; 3] {
         for (c, values) in self.velocity.iter_mut().enumerate() {
             for (k, layer) in values.chunks_exact_mut(self.column.strides[2]).enumerate() {
                 layer.fill(self.start.at(c, k as isize - GHOSTS as isize));
             }
         }
-        let all = 0..self.column.axes[2].len();
-        momentum.rates(&self.column, &self.velocity, frame, all, &mut self.rates);
-        for (rates, own) in rates.iter_mut().zip(&self.rates) {
-            for k in planes.clone() {
-                let undisturbed = own[self.column.at([0, 0, k as isize])];
-                layer(grid, rates, k).iter_mut().for_each(|rate| *rate -= undisturbed);
-            }
-        }
+        let planes = self.column.axes[2].len();
+        momentum.rates(&self.column, &self.velocity, frame, 0..planes, &mut self.rates);
+        let Self { column, rates, .. } = self;
+        [0, 1, 2].map(|c| (0..planes).map(|k| rates[c][column.at([0, 0, k as isize])]).collect())
+    }
+
+    /// What the undisturbed air changes over the step in each plane, to its velocity `end`, m/s.
+    pub(crate) fn changes(&self, end: &FarField) -> [Vec<f64>; 3] {
+        let planes = self.column.axes[2].len() as isize;
+        [0, 1, 2].map(|c| (0..planes).map(|k| end.at(c, k) - self.start.at(c, k)).collect())
     }
 
     /// Adds the change of the undisturbed air over the step, to its velocity `end`, to `predicted` (m/s) in `planes` of `grid`.

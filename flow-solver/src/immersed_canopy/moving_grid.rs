@@ -8,7 +8,7 @@ use immersed::cut_faces::MARGIN;
 use immersed::flow::Flow;
 use immersed::grid::Grid;
 use immersed::placement::{Placement, bounds};
-use immersed::slabs::TooManyRanks;
+use immersed::regrid::NoNewGrid;
 use nalgebra::Vector3;
 
 /// Rate at which the grid closes the distance to the canopy, in speeds of the stream over extents of the canopy.
@@ -34,14 +34,14 @@ pub struct TooManyCells {
 }
 
 /// No new grid around the canopy.
-#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum NoGrid {
     /// A canopy too large.
     #[error(transparent)]
     Cells(#[from] TooManyCells),
-    /// A grid too small for the ranks.
+    /// A grid too small for the ranks, or too large for a GPU.
     #[error(transparent)]
-    Ranks(#[from] TooManyRanks),
+    Flow(#[from] NoNewGrid),
 }
 
 /// Where the grid is.
@@ -105,7 +105,7 @@ impl MovingGrid {
     /// A new grid around the points, with the flow of the old one. `far`: velocity of the far field at each height in the falling frame, where it is not zero.
     ///
     /// # Errors
-    /// As [`Self::around`], and a grid with too few cells for the ranks.
+    /// As [`Self::around`], and a grid with too few cells for the ranks or too many for a GPU.
     pub fn follow(
         &mut self,
         flow: &mut Flow,

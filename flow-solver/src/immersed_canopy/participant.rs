@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::Instant as Clock;
 
-use case::{Role, Scene, StageKind, StageTimes, Turbulence, Wind};
+use case::{FlowDevice, Role, Scene, StageKind, StageTimes, Turbulence, Wind};
 use channel::{Announcement, Fault, Input, LOAD_WIDTH, Participant, Stats, Window, flow_stats, surface_hash};
 use comm::Comm;
 use immersed::constraints::FluxConstraints;
+use immersed::device::Device;
 use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, FlowState, Settings};
 use immersed::momentum::{Momentum, laminar_upwind_share};
@@ -187,6 +188,20 @@ fn subgrid_model(air: &case::Flow) -> Result<Option<SubgridModel>, Fault> {
     }
 }
 
+/// The GPU of this process.
+#[cfg(feature = "gpu")]
+fn gpu() -> Result<Rc<dyn Device>, Fault> {
+    gpu::open().map_err(|e| Fault::new(format!("flow.immersed.device = \"gpu\": {e}")))
+}
+
+/// The GPU of this process: this build has none.
+#[cfg(not(feature = "gpu"))]
+fn gpu() -> Result<Rc<dyn Device>, Fault> {
+    Err(Fault::new(
+        "flow.immersed.device = \"gpu\": this flow-solver was built without it; cargo build --release --locked --workspace --bins --features flow-solver/gpu",
+    ))
+}
+
 /// Of a flow that is solved to `tolerance`.
 fn settings(air: &case::Flow, tolerance: f64) -> Settings {
     let density = air.density_kg_m3;
@@ -227,6 +242,8 @@ impl ImmersedParticipant {
         });
         let mut flow = Flow::on_ranks(cells, settings(air, tolerance), ranks.clone()).map_err(Fault::new)?;
         flow.set_subgrid_model(subgrid_model(air)?);
+        let on_gpu = air.immersed.as_ref().is_some_and(|g| g.device == FlowDevice::Gpu);
+        flow.set_device(if on_gpu { Some(gpu()?) } else { None }).map_err(Fault::new)?;
         if let Some(shear) = &by_height {
             let far = |z: f64| shear.excess(grid.origin.z + z);
             flow.set_far_by_height(far, far);
@@ -306,6 +323,9 @@ impl ImmersedParticipant {
         let ranks = self.flow.slabs().ranks().clone();
         let mut flow = Flow::on_ranks(grid, self.flow.settings, ranks).map_err(Fault::new)?;
         flow.set_subgrid_model(self.flow.subgrid_model());
+        let device = self.flow.device();
+        self.flow.set_device(None).map_err(Fault::new)?;
+        flow.set_device(device).map_err(Fault::new)?;
         flow.restore(state).ok_or_else(|| unfit("is of another grid".into()))?;
         self.flow = flow;
         let Kinematics { origin, home, new_grids, .. } = motion;
@@ -551,8 +571,10 @@ impl Participant for ImmersedParticipant {
     fn description(&self) -> Vec<String> {
         let grid = &self.flow.grid;
         let [x, y, z] = grid.cells();
+        let device =
+            self.flow.device().map_or_else(String::new, |device| format!(" on a GPU, {},", device.name()));
         vec![format!(
-            "Cartesian grid of {} cells ({x} x {y} x {z}) with {} immersed faces, {} of them on this rank; projection to {:.1e}",
+            "Cartesian grid of {} cells ({x} x {y} x {z}){device} with {} immersed faces, {} of them on this rank; projection to {:.1e}",
             grid.count(),
             self.surface.len(),
             self.faces.len(),
@@ -594,6 +616,9 @@ impl Participant for ImmersedParticipant {
         let mut solution = open.solve(&mut self.flow, &velocities);
         self.along.add_to(&mut solution.forces);
         self.surface.loads(self.faces.clone(), &open.nodes, &solution.forces, output);
+        if let Some(error) = self.flow.device_failure() {
+            return Err(Fault::new(format!("window {} (t = {:.4} s): {error}", w.index, w.time)));
+        }
         let mut values = self.stats(&open, &solution);
         let forces = solution.forces.iter().flatten();
         if !forces.chain(&values).all(|x| x.is_finite()) {
@@ -644,6 +669,9 @@ impl Participant for ImmersedParticipant {
         let (dt, velocity) = (open.dt, open.velocity - self.excess());
         self.last_friction = open.friction();
         self.last = open.accept(&mut self.flow);
+        if let Some(error) = self.flow.device_failure() {
+            return Err(Fault::new(format!("window {} (t = {:.4} s): {error}", w.index, w.time)));
+        }
         self.last_jumps = self.flow.jumps().to_vec();
         self.update_force_along(dt, velocity);
         self.handed_over = None;

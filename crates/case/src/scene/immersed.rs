@@ -31,6 +31,21 @@ pub struct Immersed {
     /// Largest ratio of the widths of neighbouring cells outside of the even ones.
     #[serde(default = "growth")]
     pub growth: f64,
+    /// What computes the steps of the flow: `cpu`, the ranks of the flow-solver, or `gpu`, a GPU of NVIDIA with one rank. Results agree to round-off. A flow-solver
+    /// that was built without the feature `gpu` refuses it.
+    #[serde(default)]
+    pub device: FlowDevice,
+}
+
+/// What computes the steps of an immersed flow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FlowDevice {
+    /// The ranks of the flow-solver.
+    #[default]
+    Cpu,
+    /// A GPU.
+    Gpu,
 }
 
 fn room() -> f64 {
@@ -59,6 +74,13 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.far_field", g.far_field, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
+    if g.device == FlowDevice::Gpu && scene.ranks.of(Role::Flow) > 1 {
+        c.refuse(
+            "flow.immersed.device",
+            &format!("a GPU computes the flow of one rank, and ranks.flow is {}", scene.ranks.of(Role::Flow)),
+            "set ranks.flow to 1, or device to \"cpu\"",
+        );
+    }
     const REMEDY: &str = "remove it, or [flow.immersed]";
     turbulence(flow, c);
     shear(scene, flow, c);

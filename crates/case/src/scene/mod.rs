@@ -77,7 +77,7 @@ pub use flow::{
 pub use flow_grid::{BoxSides, Condition, FlowBox, Grid, GridFile, OneSided};
 pub use gored::{GoreProfile, GoreSection, GoredCanopy};
 pub use gust::{Gust, GustAxis, GustShape};
-pub use immersed::Immersed;
+pub use immersed::{FlowDevice, Immersed};
 pub use layout::*;
 pub use lines::{LineDrag, Lines, MOST_HYSTERESIS};
 pub use mesh::{MeshMotion, MoverKind, OuterBoundary, Regrid};
