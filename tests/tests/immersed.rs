@@ -230,6 +230,27 @@ fn effects_without_support_are_refused() {
     }
 }
 
+/// A GPU is asked for with one rank, and the missing build or library is named. A machine with a GPU and a program that uses it computes the scene.
+#[test]
+fn missing_gpu_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = immersed(
+        folder.path(),
+        &[("spacing_m = 0.15\n", "spacing_m = 0.15\ndevice = \"gpu\"\n"), (BEFORE, "")],
+    );
+    let run = |out: &str, more: &[&str]| {
+        let mut command = ripstop_run(&scene, &folder.path().join(out), more);
+        let output = command.output().expect("started");
+        (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (complete, text) = run("one", &["--stop-after-windows", "1"]);
+    let named =
+        ["--features flow-solver/gpu", "LD_LIBRARY_PATH", "no GPU"].iter().any(|words| text.contains(words));
+    assert!(complete || named, "{text}");
+    let (complete, text) = run("two", &["--set", "ranks.flow=2"]);
+    assert!(!complete && text.contains("a GPU computes the flow of one rank, and ranks.flow is 2"), "{text}");
+}
+
 /// A gathered skirt: contact, folds narrower than a cell, and a release into a stream.
 #[test]
 fn gathered_canopy_is_released() {

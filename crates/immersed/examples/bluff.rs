@@ -1,7 +1,8 @@
 //! Drag of rigid bluff shapes of zero thickness in inviscid flow, at any angle to the grid, by the forces normal to their faces.
 //!
-//! `cargo run --release -p immersed --example bluff -- [plate|disk|cup-open|cup-away|sphere] [cells across] [end, D/U] [Courant number]
-//! [upwind share] [tilt, degrees] [Reynolds number of the air without walls] [perturbation, share of the stream]`
+//! `cargo run --release -p immersed --example bluff -- [plate|disk|cup-open|cup-away|sphere] [cells across] [end, D/U] [Courant number of the stream; 0: the
+//! longest stable step]
+//! [upwind share] [tilt, degrees] [Reynolds number of the air without walls] [perturbation, share of the stream]`; on a GPU with `DEVICE=gpu`
 
 use std::time::Instant;
 
@@ -15,7 +16,7 @@ use immersed::shapes::{self, Surface};
 use nalgebra::{Rotation3, Vector3};
 
 /// Lines of the history that are printed.
-const LINES: usize = 8;
+const LINES: u32 = 8;
 
 fn argument(k: usize, default: f64) -> f64 {
     std::env::args().nth(k).map_or(default, |a| a.parse().expect("a number"))
@@ -53,27 +54,52 @@ fn grid(across: f64, stream: Vector3<f64>) -> Grid {
     Grid::new([0, 1, 2].map(axis), [0, 1, 2].map(ends))
 }
 
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len().max(1) as f64
+/// Largest sum over the axes of Courant numbers of a step whose length is not given, as in the flow-solver.
+const MAX_COURANT: f64 = 0.4;
+
+/// A step: its end and length in D/U, and drag coefficients by the forces normal to the faces and by all forces at cut faces.
+#[derive(Clone, Copy)]
+struct Step {
+    time: f64,
+    dt: f64,
+    drag: [f64; 2],
+    side: f64,
 }
 
-/// Drag coefficient of each step, seconds of its three parts, and iterations in all.
+/// Means over time of some steps.
+fn means(steps: &[Step]) -> ([f64; 2], f64) {
+    let time: f64 = steps.iter().map(|s| s.dt).sum();
+    let of = |value: &dyn Fn(&Step) -> f64| steps.iter().map(|s| s.dt * value(s)).sum::<f64>() / time;
+    ([of(&|s| s.drag[0]), of(&|s| s.drag[1])], of(&|s| s.side))
+}
+
+/// Half of the 95 % interval of the mean drag, from five batches.
+fn interval(steps: &[Step]) -> f64 {
+    let batches: Vec<f64> = steps.chunks(steps.len().div_ceil(5)).map(|batch| means(batch).0[0]).collect();
+    let mean = batches.iter().sum::<f64>() / 5.0;
+    let variance = batches.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / 4.0;
+    2.776 * (variance / 5.0).sqrt()
+}
+
+/// All steps to `end`, D/U, of `dt`, or as long as [`MAX_COURANT`] allows; seconds of the three parts of a step, and iterations in all.
 fn run(
     flow: &mut Flow,
     (nodes, faces): &Surface,
-    steps: usize,
-    dt: f64,
+    (end, dt): (f64, Option<f64>),
     area: f64,
-) -> (Vec<f64>, [f64; 3], usize) {
+) -> (Vec<Step>, [f64; 3], usize) {
     let cut = CutFaces::new(&flow.grid, nodes, faces, 0.0).expect("a surface in the even core");
     println!("# {} constraints of {} cut faces", cut.rows.len(), cut.crossings().len());
     let own: Vec<u32> = (0..faces.len() as u32).collect();
     let transfer =
         FaceTransfer::new(&flow.grid, nodes, faces, &own, &cut).expect("a surface in the even core");
     let stream = flow.settings.far;
-    let (mut drag, mut parts, mut iterations) = (Vec::new(), [0.0; 3], 0);
-    for k in 1..=steps {
+    let (mut steps, mut parts, mut iterations, mut time) = (Vec::<Step>::new(), [0.0; 3], 0, 0.0);
+    let (mut printed, mut lines) = (0, 1);
+    while time < end - 1e-9 {
         let clock = Instant::now();
+        let dt = dt.unwrap_or_else(|| MAX_COURANT / flow.largest_rate(Vector3::zeros()));
+        time += dt;
         flow.predict(dt, Vector3::zeros());
         parts[0] += clock.elapsed().as_secs_f64();
         let jumps = flow.solve_constraints(&cut.rows);
@@ -83,18 +109,19 @@ fn run(
         iterations += jumps.iterations;
         let mut forces = vec![Vector3::zeros(); faces.len()];
         transfer.add_forces(&jumps.jump, &mut forces);
-        let force: Vector3<f64> = forces.iter().sum();
-        drag.push(force.dot(&stream) / (0.5 * area));
-        if k % (steps / LINES).max(1) == 0 {
-            let late = mean(&drag[k - (steps / LINES).max(1)..]);
-            println!(
-                "{:8.2} D/U: drag {late:.4}, side force {:.4}",
-                k as f64 * dt,
-                force.cross(&stream).norm() / (0.5 * area)
-            );
+        let all = jumps.jump.iter().enumerate().map(|(r, jump)| cut.rows.weight_by_axis(r) * *jump);
+        let [force, all]: [Vector3<f64>; 2] = [forces.iter().sum(), all.sum()];
+        let coefficient = |force: f64| force / (0.5 * area);
+        let drag = [force, all].map(|f| coefficient(f.dot(&stream)));
+        steps.push(Step { time, dt, drag, side: coefficient(force.cross(&stream).norm()) });
+        if time >= end * f64::from(lines) / f64::from(LINES) - 1e-9 {
+            let ([drag, _], side) = means(&steps[printed..]);
+            println!("{time:8.2} D/U: drag {drag:.4}, side force {side:.4}");
+            (printed, lines) = (steps.len(), lines + 1);
         }
+        assert!(drag[0].is_finite() && drag[0].abs() < 1e6, "the flow diverged at {time:.2} D/U");
     }
-    (drag, [parts[0], parts[1] - parts[0], parts[2] - parts[1]], iterations)
+    (steps, [parts[0], parts[1] - parts[0], parts[2] - parts[1]], iterations)
 }
 
 fn main() {
@@ -106,24 +133,32 @@ fn main() {
         * Rotation3::from_axis_angle(&Vector3::y_axis(), 0.7 * tilt);
     let stream = turn * Vector3::z();
     let grid = grid(across, stream);
-    let steps = (end * across / courant).round() as usize;
+    let dt = (courant > 0.0).then(|| end / (end * across / courant).round());
     let momentum = Momentum { upwind_share: share, viscosity: 1.0 / reynolds };
     let settings = Settings { density: 1.0, far: stream, momentum, tolerance: 1e-3 };
     let (cells, extents) = (grid.count(), grid.cells());
-    println!("# {shape}: {cells} cells {extents:?}, {steps} steps");
+    println!("# {shape}: {cells} cells {extents:?}");
     let mut flow = Flow::new(grid, settings);
     flow.perturb(perturbation);
+    if std::env::var("DEVICE").as_deref() == Ok("gpu") {
+        let device = gpu::open().unwrap_or_else(|e| panic!("{e}"));
+        println!("# on {}", device.name());
+        flow.set_device(Some(device)).unwrap_or_else(|e| panic!("{e}"));
+    }
     let area = if shape == "plate" { 1.0 } else { std::f64::consts::FRAC_PI_4 };
     let surface = surface(&shape, across as usize, turn);
-    let (drag, parts, iterations) = run(&mut flow, &surface, steps, end / steps as f64, area);
-    let late = &drag[steps / 2..];
-    let quarters: Vec<f64> = late.chunks(late.len().div_ceil(4)).map(mean).collect();
-    let per_cell = 1e6 / (cells * steps) as f64;
+    let (steps, parts, iterations) = run(&mut flow, &surface, (end, dt), area);
+    flow.gather();
+    let count = steps.len();
+    let late = &steps[steps.partition_point(|s| s.time < end / 2.0)..];
+    let quarters: Vec<f64> = late.chunks(late.len().div_ceil(4)).map(|q| means(q).0[0]).collect();
+    let per_cell = 1e6 / (cells * count) as f64;
+    let ([drag, all], side) = means(late);
     println!(
-        "second half {:.4}, quarters {quarters:.3?}; {:.1} iterations; {:.3} us a cell and step: prediction {:.3}, constraints {:.3}, \
-         projection {:.3}; divergence {:.0e}",
-        mean(late),
-        iterations as f64 / steps as f64,
+        "second half {drag:.4} +- {:.4} (at cut faces {all:.4}), quarters {quarters:.3?}, side force {side:.4}; {count} steps, {:.1} iterations; {:.4} us a \
+         cell and step: prediction {:.4}, constraints {:.4}, projection {:.4}; divergence {:.0e}",
+        interval(late),
+        iterations as f64 / count as f64,
         parts.iter().sum::<f64>() * per_cell,
         parts[0] * per_cell,
         parts[1] * per_cell,

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --release -p immersed --example viscous -- [plate|sphere|cylinder] [cells across] [end, D/U] [Reynolds number] [upwind share]
 //! [perturbation, share of the stream] [far field across, D] [1: no slip, 0: slip] [Courant number] [offset in a cell: x, y, z]
-//! [1: upwind differences at free edges, 0: the same share as elsewhere] [none|smagorinsky|wale]`
+//! [1: upwind differences at free edges, 0: the same share as elsewhere] [none|smagorinsky|wale]`; on a GPU with `DEVICE=gpu`
 //!
 //! The cylinder spans a grid of four cells that is periodic along its axis: two-dimensional flow.
 
@@ -200,6 +200,11 @@ fn main() {
     let mut flow = Flow::new(grid, settings);
     flow.set_subgrid_model(model());
     flow.perturb(perturbation);
+    if std::env::var("DEVICE").as_deref() == Ok("gpu") {
+        let device = gpu::open().unwrap_or_else(|e| panic!("{e}"));
+        println!("# on {}", device.name());
+        flow.set_device(Some(device)).unwrap_or_else(|e| panic!("{e}"));
+    }
     let mut case = Case::new(&shape, across as usize, &flow, argument(8, 1.0) > 0.0);
     let (mut history, mut parts) = (Vec::with_capacity(steps), [0.0; 2]);
     let chunk = (steps / LINES).max(1);
@@ -211,6 +216,7 @@ fn main() {
             println!("{:7.2} D/U: {}", k as f64 * dt, summary(&history[k - chunk..], dt));
         }
     }
+    flow.gather();
     println!("second half: {}", summary(&history[steps / 2..], dt));
     println!("last step: {}", summary(&history[steps - 1..], dt));
     let rates = [flow.largest_rate(Vector3::zeros()), flow.largest_eddy_rate(case.friction.as_ref())];

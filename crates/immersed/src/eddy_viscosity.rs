@@ -17,12 +17,11 @@
 //! **Fabric.** The velocity jumps across the surface, and a difference across it is no strain. A cell that uses such a difference has $`\nu_t = 0`$. The four cells of an edge
 //! use its two differences, so that no eddy stress acts through the surface, without another rule; the stress of the wall is that of [`crate::friction`].
 //!
-//! The step is explicit. Its limit has the rate of [`Flow::largest_eddy_rate`].
+//! The step is explicit. Its limit has the rate of [`crate::flow::Flow::largest_eddy_rate`].
 
 use std::ops::Range;
 
 use crate::eddy_stress::Stress;
-use crate::flow::Flow;
 use crate::friction::Friction;
 use crate::grid::{Ends, Grid, Velocity};
 use crate::projection::cells_of;
@@ -222,6 +221,7 @@ impl EddyViscosity {
         crossed_cells(grid.strides, friction).for_each(|at| self.values[at] = 0.0);
     }
 
+    /// Its model.
     pub(crate) fn model(&self) -> SubgridModel {
         self.model
     }
@@ -292,7 +292,7 @@ impl EddyViscosity {
     }
 
     /// Largest $`4 \nu_t \sum_d h_d^{-2}`$ of the cells `planes` along z, 1/s.
-    fn largest_rate(&self, grid: &Grid, planes: Range<usize>) -> f64 {
+    pub(crate) fn largest_rate(&self, grid: &Grid, planes: Range<usize>) -> f64 {
         let [x, y, _] = grid.all_cells();
         let rate = |cell: [usize; 3]| {
             let square = |d: usize| self.lengths[d].width(cell[d] as isize).powi(2);
@@ -367,42 +367,5 @@ impl CellRow<'_> {
         for ((out, (s2, d2)), of_x) in out.iter_mut().zip(invariants).zip(&self.x.filter) {
             *out = filter * of_x * L::rate([0.25 * s2, 0.25 * d2]);
         }
-    }
-}
-
-impl Flow {
-    /// Sets the model of the eddies that cells do not resolve; `None`: laminar flow, which costs nothing.
-    pub fn set_subgrid_model(&mut self, model: Option<SubgridModel>) {
-        self.eddies = model.map(|model| EddyViscosity::new(&self.grid, model));
-        if let Some(device) = &mut self.device {
-            device.set_eddies(&self.grid, self.eddies.as_ref());
-        }
-    }
-
-    /// The model of [`Self::set_subgrid_model`].
-    pub fn subgrid_model(&self) -> Option<SubgridModel> {
-        self.eddies.as_ref().map(|eddies| eddies.model)
-    }
-
-    /// Largest $`4 \nu_t \sum_d h_d^{-2}`$ of the velocity as it is, 1/s: what the eddy viscosity adds to the rate that limits the step, as
-    /// $`12 \nu / h^2`$ of the molecular one. Zero without a model. `friction`: of the surface as it is. On several ranks collective.
-    pub fn largest_eddy_rate(&mut self, friction: Option<&Friction>) -> f64 {
-        if let Some(device) = &self.device {
-            return device.largest_eddy_rate(friction);
-        }
-        let Self { grid, velocity, slabs, eddies, .. } = self;
-        let Some(eddies) = eddies else { return 0.0 };
-        eddies.update(grid, velocity, slabs, friction);
-        let mut largest = [eddies.largest_rate(grid, slabs.own())];
-        slabs.ranks().largest(&mut largest);
-        largest[0]
-    }
-
-    /// Kinematic eddy viscosity of the cells at the last prediction, m2/s, x fastest; none without a model. On several ranks of the own cells.
-    pub fn eddy_viscosities(&self) -> Vec<f64> {
-        let Some(eddies) = &self.eddies else { return Vec::new() };
-        let [x, y, _] = self.grid.all_cells();
-        let cells = [x, y, self.slabs.own()];
-        cells_of(&cells).map(|cell| eddies.values[self.grid.at(cell.map(|i| i as isize))]).collect()
     }
 }

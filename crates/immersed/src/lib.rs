@@ -25,6 +25,7 @@ pub mod eddy_viscosity;
 pub mod face_transfer;
 pub mod far_field;
 pub mod flow;
+mod flow_eddies;
 pub mod free_edges;
 pub mod friction;
 pub mod grid;

@@ -77,7 +77,7 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     if g.device == FlowDevice::Gpu && scene.ranks.of(Role::Flow) > 1 {
         c.refuse(
             "flow.immersed.device",
-            &format!("a GPU computes the flow of one rank, and ranks.flow is {}", scene.ranks.of(Role::Flow)),
+            format!("a GPU computes the flow of one rank, and ranks.flow is {}", scene.ranks.of(Role::Flow)),
             "set ranks.flow to 1, or device to \"cpu\"",
         );
     }
