@@ -232,6 +232,31 @@ fn a_shear_flow_on_a_device_is_that_of_this_processor() {
     compare("velocity", &end(None), &end(Some(Emulated::with(ENOUGH, None))));
 }
 
+/// Air that returns through outflows, on all sides.
+#[test]
+fn air_returns_through_an_outflow_on_a_device_as_on_this_processor() {
+    let end = |device: Option<Rc<dyn Device>>| {
+        let axis = || Axis::even(0.0, 1.0, 12);
+        let out = Ends::Open([End::Outflow; 2]);
+        let momentum = Momentum { upwind_share: 0.5, viscosity: 0.01 };
+        let settings = Settings { density: 1.0, far: Vector3::zeros(), momentum, tolerance: 1e-6 };
+        let mut flow = Flow::new(Grid::new([axis(), axis(), axis()], [out; 3]), settings);
+        flow.set_device(device).expect("memory");
+        flow.set_velocity(|x| Vector3::new((7.0 * x.y).sin(), (9.0 * x.z).cos(), (8.0 * x.x).sin()));
+        for _ in 0..4 {
+            flow.predict(0.02, Vector3::new(0.1, -0.05, 0.02));
+            flow.accept(&immersed::constraints::FluxConstraints::new(&flow.grid), &Default::default());
+        }
+        flow.gather();
+        flow.state().velocity.concat()
+    };
+    compare("velocity", &end(None), &end(Some(Emulated::with(ENOUGH, None))));
+    // Without the limit on the momentum that enters the flow is another one.
+    let change = ["if (m == 1 && a->low[d]) v = MATH(fmin)(v, 0.0);", ""];
+    let without = end(Some(Emulated::with(ENOUGH, Some(change))));
+    assert!(end(None).iter().zip(&without).any(|(a, b)| (a - b).abs() > 1e-4));
+}
+
 #[test]
 fn a_device_without_memory_is_named() {
     let count = flow().grid.array_len();

@@ -102,6 +102,8 @@ FUNCTION double convection(const struct rates_arguments *a, const struct cell *c
         double v;
         if (d == own) {
             v = 0.5 * (below + value) - a->frame[d];
+            if (m == 1 && a->low[d]) v = MATH(fmin)(v, 0.0);
+            if (m == n && a->high[d]) v = MATH(fmax)(v, 0.0);
         } else {
             const double *shares = a->lines.shares + 2 * c->i[own];
             v = shares[0] * through[p - across] + shares[1] * through[p] - a->frame[d];
