@@ -196,12 +196,14 @@ fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
         ("OMPI_MCA_btl_vader_single_copy_mechanism", "none".into()),
         // OpenMPI's notice often omits the number of a rank that fails before MPI_Init; state records contain it.
         ("OMPI_MCA_state_base_verbose", "1".into()),
-        // By default mpirun waits one or two seconds after a rank has died before it says so. A run that ends
-        // gives its ranks time itself (`Supervisor::end`).
-        ("OMPI_MCA_odls_base_sigkill_timeout", "0".into()),
         ("OMP_NUM_THREADS", "1".into()),
         ("RAYON_NUM_THREADS", "1".into()),
     ];
+    // By default mpirun waits one or two seconds after a rank has died before it says so. A run that ends gives its ranks time
+    // itself (`Supervisor::end`).
+    if std::env::var_os("OMPI_MCA_odls_base_sigkill_timeout").is_none() {
+        set.push(("OMPI_MCA_odls_base_sigkill_timeout", "0".into()));
+    }
     // In one folder, which is removed even if a rank was killed.
     if let Some(scratch) = scratch {
         set.push((SCRATCH, scratch.into()));

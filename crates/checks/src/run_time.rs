@@ -223,11 +223,13 @@ pub const CHECKS: &[Check] = &[
     },
     Check {
         id: "coupling.interface-energy",
-        what: "the coupling creates no energy",
+        what: "the coupling neither creates nor removes energy",
         estimate: "sum over windows of 1/2 (f_j + f_j-1) . dd_j - f_flow . dx_flow, over the work of the air on the canopy",
-        range: "warning where the coupling has added more than 5 % of the work after 20 windows and a fifth of the time in \
-                which the air passes the canopy; before that windows become shorter, see coupling.adaptive.energy_limit",
-        source: "an exact coupling adds none; a staggered scheme adds some of first or second order in the window",
+        range: "warning where the coupling has added more than 5 % of the work, or removed more than 10 %, after 20 windows and a fifth of \
+                the time in which the air passes the canopy; before that windows that create energy become shorter, see \
+                coupling.adaptive.energy_limit",
+        source: "an exact coupling adds none; a staggered scheme adds some of first or second order in the window. Settled descents lose 0.4 to 2.2 %, \
+                 a canopy in a grid of 21 000 tetrahedra lost 13 %",
         severity: Warning,
         remedy: "set coupling.scheme = \"implicit\"; where windows do not converge raise coupling.max_iterations; shorten \
                  window_s where it is longer than 1/200 of that time; tighten coupling.tolerance",

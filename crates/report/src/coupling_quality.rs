@@ -1,6 +1,6 @@
 //! Convergence of the coupling, and the interface energy balance.
 
-use coupling::energy::CREATED;
+use coupling::energy::{CREATED, InterfaceEnergyBalance, REMOVED};
 
 use super::chart::digits;
 use super::data::{Run, StageData};
@@ -35,16 +35,17 @@ pub(super) fn section(run: &Run, stage: &StageData) -> Option<Section> {
     row("energy added, relative to the sum of magnitudes", share.map(|s| 100.0 * s), "%");
     row("elastic energy at the end", c.last("structure_strain_energy_j"), "J");
     row("kinetic energy at the end", c.last("structure_kinetic_energy_j"), "J");
-    let verdict = match share {
-        Some(share) if share > CREATED => format!(
-            "The coupling adds energy: {:.1} % of the interface work; the limit is {:.0} %. Reduce window_s or \
+    let verdict = match share.map(|share| (share, InterfaceEnergyBalance::exceeded(share))) {
+        Some((share, Some((done, limit)))) => format!(
+            "The coupling has {done} energy: {:.1} % of the interface work; the limit is {:.0} %. Reduce window_s or \
              coupling.tolerance.",
-            100.0 * share,
-            100.0 * CREATED
+            100.0 * share.abs(),
+            100.0 * limit
         ),
-        Some(_) => format!(
-            "The energy added by the coupling is below the limit of {:.0} % of the interface work.",
-            100.0 * CREATED
+        Some((_, None)) => format!(
+            "The energy added or removed by the coupling is below the limits of {:.0} and {:.0} % of the interface work.",
+            100.0 * CREATED,
+            100.0 * REMOVED
         ),
         None => String::new(),
     };

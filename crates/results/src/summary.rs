@@ -5,7 +5,7 @@ use std::path::Path;
 use case::{Role, Scene, Stage, StageKind};
 use channel::{flow_stats, mesh_stats, structure_stats};
 use coupling::convergence::Convergence;
-use coupling::energy::CREATED;
+use coupling::energy::InterfaceEnergyBalance;
 use coupling::error::RunError;
 use coupling::interface::CanopyInterface;
 use coupling::partners::Usage;
@@ -444,7 +444,8 @@ impl StageSummary {
                 s.projected_area_m2,
                 s.interface_energy_error_j,
                 100.0 * s.interface_energy_error_share,
-                if s.interface_energy_error_share > CREATED { "; the coupling adds energy" } else { "" },
+                InterfaceEnergyBalance::exceeded(s.interface_energy_error_share)
+                    .map_or_else(String::new, |(done, _)| format!("; the coupling has {done} energy")),
                 if s.not_converged > 0 {
                     format!("; {} not converged", counted(s.not_converged, "window"))
                 } else {
