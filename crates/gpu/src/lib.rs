@@ -16,20 +16,20 @@ use immersed::device::{Address, Device, DeviceError, KERNEL_NAMES, KERNELS, Prod
 /// Threads of a block.
 const BLOCK: usize = 256;
 
-/// A GPU and the loops that were compiled for it.
+/// A GPU and the kernels that were compiled for it.
 #[derive(Debug)]
 struct Gpu {
     name: String,
     context: Arc<CudaContext>,
     stream: Arc<CudaStream>,
     blas: CudaBlas,
-    loops: HashMap<&'static str, CudaFunction>,
+    kernels: HashMap<&'static str, CudaFunction>,
 }
 
 /// Opens the first GPU that the process may use (`CUDA_VISIBLE_DEVICES`).
 ///
 /// # Errors
-/// No driver, no GPU, a missing library, loops that do not compile.
+/// No driver, no GPU, a missing library, kernels that do not compile.
 pub fn open() -> Result<Rc<dyn Device>, DeviceError> {
     let failure = |what: String| DeviceError { device: "GPU".into(), what };
     // SAFETY: the libraries are those of NVIDIA, whose initialisers any program may run.
@@ -59,15 +59,15 @@ pub fn open() -> Result<Rc<dyn Device>, DeviceError> {
         ..CompileOptions::default()
     };
     let compiled = compile_ptx_with_opts(KERNELS, options)
-        .map_err(|e| failure(format!("the loops do not compile: {e:?}")))?;
-    let module = context.load_module(compiled).map_err(|e| of_driver("the loops do not load", e))?;
-    let mut loops = HashMap::new();
+        .map_err(|e| failure(format!("the kernels do not compile: {e:?}")))?;
+    let module = context.load_module(compiled).map_err(|e| of_driver("the kernels do not load", e))?;
+    let mut kernels = HashMap::new();
     for kernel in KERNEL_NAMES {
-        loops.insert(kernel, module.load_function(kernel).map_err(|e| of_driver(kernel, e))?);
+        kernels.insert(kernel, module.load_function(kernel).map_err(|e| of_driver(kernel, e))?);
     }
     let stream = context.default_stream();
     let blas = CudaBlas::new(stream.clone()).map_err(|e| failure(format!("cuBLAS: {e}")))?;
-    Ok(Rc::new(Gpu { name, context, stream, blas, loops }))
+    Ok(Rc::new(Gpu { name, context, stream, blas, kernels }))
 }
 
 impl Gpu {
@@ -141,10 +141,10 @@ impl Device for Gpu {
     }
 
     fn launch(&self, kernel: &'static str, threads: usize, arguments: &[u64]) -> Result<(), DeviceError> {
-        let run = &self.loops[kernel];
+        let run = &self.kernels[kernel];
         let blocks = u32::try_from(threads.div_ceil(BLOCK)).map_err(|e| self.failure(kernel, &e))?;
         let mut words = [arguments.as_ptr().cast::<c_void>().cast_mut()];
-        // SAFETY: the loop has one argument, a structure of these words, which the driver copies; a test of the crate `immersed` compares both.
+        // SAFETY: the kernel has one argument, a structure of these words, which the driver copies; a test of the crate `immersed` compares both.
         unsafe {
             result::launch_kernel(
                 run.cu_function(),

@@ -1,4 +1,4 @@
-//! Steps on a GPU are those of the processor. The tests of its loops without a GPU are those of the crate `immersed` (`--test device`).
+//! Steps on a GPU are those of the processor. The tests of its kernels without a GPU are those of the crate `immersed` (`--test device`).
 
 use std::rc::Rc;
 

@@ -46,7 +46,7 @@ pub enum SubgridModel {
 }
 
 impl SubgridModel {
-    /// Its number in the loops of a device, and its constant.
+    /// Its number in the kernels of a device, and its constant.
     pub(crate) fn numbered(self) -> (usize, f64) {
         match self {
             Self::Smagorinsky => (0, SMAGORINSKY),

@@ -1,4 +1,4 @@
-//! Steps on a device are those of this processor. A C compiler builds the loops of the device for this processor, and a test runs them one thread after the
+//! Steps on a device are those of this processor. A C compiler builds the kernels of the device for this processor, and a test runs them one thread after the
 //! other: what they compute is tested without a GPU, its library and its threads are not.
 
 use std::cell::{Cell, RefCell};
@@ -26,7 +26,7 @@ mod scenarios;
 
 type Loop = unsafe extern "C" fn(*const u64, i64, i64) -> i32;
 
-/// A folder with the loops as a library.
+/// A folder with the kernels as a library.
 fn built(text: &str) -> TempDir {
     let folder = tempfile::tempdir().expect("a folder");
     let [source, library] = ["kernels.c", "kernels.so"].map(|name| folder.path().join(name));
@@ -38,7 +38,7 @@ fn built(text: &str) -> TempDir {
     folder
 }
 
-/// The loops of a device on this processor.
+/// The kernels of a device on this processor.
 #[derive(Debug)]
 struct Emulated {
     library: Library,
@@ -135,9 +135,9 @@ impl Device for Emulated {
         assert!(KERNEL_NAMES.contains(&kernel));
         // A GPU starts whole blocks.
         let threads = threads.next_multiple_of(256);
-        // SAFETY: the loop has this signature, and checks the number of words.
+        // SAFETY: the kernel has this signature, and checks the number of words.
         let wrong = unsafe {
-            let run: Symbol<'_, Loop> = self.library.get(kernel.as_bytes()).expect("the loop");
+            let run: Symbol<'_, Loop> = self.library.get(kernel.as_bytes()).expect("the kernel");
             run(arguments.as_ptr(), arguments.len() as i64, threads as i64)
         };
         assert_eq!(wrong, 0, "{kernel} has other arguments than {}", arguments.len());
@@ -277,7 +277,7 @@ fn a_device_without_memory_is_named() {
     assert!(flow.largest_speed(Vector3::zeros()).is_nan());
 }
 
-/// Faults in the loops are found.
+/// Faults in the kernels are found.
 #[test]
 fn a_wrong_loop_changes_the_flow() {
     let (_, (nodes, faces), low, model) = cases().into_iter().nth(3).expect("the plate with eddies");

@@ -12,6 +12,7 @@ use immersed::constraints::FluxConstraints;
 use immersed::device::Device;
 use immersed::eddy_viscosity::SubgridModel;
 use immersed::flow::{Flow, FlowState, Settings};
+use immersed::grid::Grid;
 use immersed::momentum::{Momentum, laminar_upwind_share};
 use immersed::placement::{Placement, bounds, lets_out};
 use immersed::slabs::{Ranks, share};
@@ -210,6 +211,16 @@ fn settings(air: &case::Flow, tolerance: f64) -> Settings {
     Settings { density, far: Vector3::zeros(), momentum, tolerance }
 }
 
+/// Undisturbed flow on `grid`, solved to `tolerance`, on the ranks or the GPU that the scene asks for.
+fn undisturbed(grid: Grid, air: &case::Flow, tolerance: f64, ranks: Rc<FlowRanks>) -> Result<Flow, Fault> {
+    let mut flow = Flow::on_ranks(grid, settings(air, tolerance), ranks).map_err(Fault::new)?;
+    flow.set_subgrid_model(subgrid_model(air)?);
+    if air.immersed.as_ref().is_some_and(|g| g.device == FlowDevice::Gpu) {
+        flow.set_device(Some(gpu()?)).map_err(Fault::new)?;
+    }
+    Ok(flow)
+}
+
 impl ImmersedParticipant {
     fn new(
         scene: &Scene,
@@ -240,10 +251,7 @@ impl ImmersedParticipant {
             let (a, b) = p.coefficients(air.density_kg_m3);
             Permeability::new(a, b)
         });
-        let mut flow = Flow::on_ranks(cells, settings(air, tolerance), ranks.clone()).map_err(Fault::new)?;
-        flow.set_subgrid_model(subgrid_model(air)?);
-        let on_gpu = air.immersed.as_ref().is_some_and(|g| g.device == FlowDevice::Gpu);
-        flow.set_device(if on_gpu { Some(gpu()?) } else { None }).map_err(Fault::new)?;
+        let mut flow = undisturbed(cells, air, tolerance, ranks.clone())?;
         if let Some(shear) = &by_height {
             let far = |z: f64| shear.excess(grid.origin.z + z);
             flow.set_far_by_height(far, far);

@@ -1,11 +1,11 @@
-//! Arguments of a loop, as the words of its structure.
+//! Arguments of a kernel, as the words of its structure.
 
 use super::Address;
 
 /// Words at most.
 const MOST: usize = 64;
 
-/// Arguments of a loop in the order of its structure; the first is the number of threads.
+/// Arguments of a kernel in the order of its structure; the first is the number of threads.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Arguments {
     words: [u64; MOST],

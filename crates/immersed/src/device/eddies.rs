@@ -12,7 +12,7 @@ use crate::grid::Grid;
 /// The eddy viscosity of a flow on a device.
 #[derive(Debug)]
 pub(crate) struct DeviceEddies {
-    /// The model as the loops number it, and its constant.
+    /// The model as the kernels number it, and its constant.
     model: (usize, f64),
     viscosity: Buffer,
     packed: Buffer,

@@ -1,4 +1,4 @@
-// The loops of a step of the flow (`docs/decisions/0077-flow-on-a-gpu.md`), one thread for each cell, face or row.
+// The kernels of a step of the flow (`docs/decisions/0077-flow-on-a-gpu.md`), one thread for each cell, face or row.
 //
 // NVRTC compiles this file for a GPU when a program starts. A C compiler compiles it for the tests, which call a kernel for one thread after the other.
 // All members of arguments are 8 bytes long, so that a list of 64-bit words is the structure. Arrays of velocities have two layers of ghosts around the

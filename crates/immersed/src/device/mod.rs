@@ -3,7 +3,7 @@
 //! All arrays of a step stay on the device; what the surface prescribes goes there and what it feels comes back. Conjugate gradients run here, on one number for each row,
 //! and apply the matrix there. The arrays of the host follow by [`Flow::gather`](crate::flow::Flow::gather), as on several ranks.
 //!
-//! [`Device`] names what is needed; the loops are [`KERNELS`]. Nothing here links a library of a GPU.
+//! [`Device`] names what is needed; the kernels are [`KERNELS`]. Nothing here links a library of a GPU.
 
 mod arguments;
 mod eddies;
@@ -18,10 +18,10 @@ use std::fmt::Debug;
 
 pub(crate) use steps::DeviceFlow;
 
-/// Source of the loops in the common part of C and CUDA C++.
+/// Source of the kernels in the common part of C and CUDA C++.
 pub const KERNELS: &str = include_str!("kernels.cu");
 
-/// Names of the loops in [`KERNELS`].
+/// Names of the kernels in [`KERNELS`].
 pub const KERNEL_NAMES: [&str; 23] = [
     "rates",
     "extrapolate",
@@ -89,7 +89,7 @@ pub struct Product {
     pub count: usize,
 }
 
-/// Memory and loops of a device. Calls take effect in their order; [`Device::download`] waits for all before it.
+/// Memory and kernels of a device. Calls take effect in their order; [`Device::download`] waits for all before it.
 pub trait Device: Debug {
     /// Its name for people.
     fn name(&self) -> String;
@@ -133,7 +133,7 @@ pub trait Device: Debug {
     /// As [`Self::upload`].
     fn clear(&self, at: Address, words: usize) -> Result<(), DeviceError>;
 
-    /// Runs a loop of [`KERNEL_NAMES`]; `arguments` are the words of its structure in [`KERNELS`].
+    /// Runs a kernel of [`KERNEL_NAMES`]; `arguments` are the words of its structure in [`KERNELS`].
     ///
     /// # Errors
     /// As [`Self::upload`].

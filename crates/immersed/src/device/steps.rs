@@ -74,12 +74,12 @@ impl<const N: usize> Reduction<N> {
         Self { first, second }
     }
 
-    /// Arguments of a loop that gives the largest values of shares, up to their places.
+    /// Arguments of a kernel that gives the largest values of shares, up to their places.
     pub(crate) fn arguments() -> Arguments {
         Arguments::of(SHARES[0])
     }
 
-    /// Where the loop puts them.
+    /// Where the kernel puts them.
     pub(crate) fn shares(&self) -> [Address; N] {
         std::array::from_fn(|i| self.first.at(i * SHARES[0]))
     }

@@ -1,4 +1,4 @@
-//! What the loops know of the grid.
+//! What the kernels know of the grid.
 
 use super::Address;
 use super::queue::{Buffer, Queue};
@@ -27,9 +27,9 @@ impl Packed {
 /// Constant numbers of a grid on the device.
 #[derive(Debug)]
 pub(crate) struct Tables {
-    /// Cells along x, y, z and the distances of neighbours along y and z, as the loops have them.
+    /// Cells along x, y, z and the distances of neighbours along y and z, as the kernels have them.
     pub(crate) grid: [usize; 5],
-    /// Conditions at the low and the high end of each axis as the loops number them.
+    /// Conditions at the low and the high end of each axis as the kernels number them.
     pub(crate) ends: [[usize; 2]; 3],
     packed: Buffer,
     distance: [[usize; 3]; 3],
