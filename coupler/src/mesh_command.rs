@@ -10,6 +10,7 @@ use mesh::{FlowGrid, StructureMesh};
 use serde::Serialize;
 
 use crate::run::{Prepared, RunOptions, prepare};
+use crate::settings::Setting;
 
 /// Arguments of `ripstop mesh`.
 #[derive(Args, Clone, Debug)]
@@ -25,6 +26,9 @@ pub struct MeshArgs {
     /// Include the flow grid at the start of the stage
     #[arg(long)]
     pub grid: bool,
+    /// Override a value of the scene (repeatable), as `ripstop run`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub settings: Vec<Setting>,
 }
 
 /// The initial data of a stage.
@@ -49,7 +53,12 @@ struct StageStart {
 /// shape of an earlier stage is missing.
 pub fn json(args: &MeshArgs) -> Result<String, RunError> {
     let input = |e: &dyn std::fmt::Display| RunError::Input(e.to_string());
-    let options = RunOptions { scene: args.scene.clone(), out: args.out.clone(), ..RunOptions::default() };
+    let options = RunOptions {
+        scene: args.scene.clone(),
+        out: args.out.clone(),
+        settings: args.settings.clone(),
+        ..RunOptions::default()
+    };
     let Prepared { scene, out, .. } = prepare(&options)?;
     if args.stage >= scene.stages.len() {
         let n = scene.stages.len();
@@ -82,8 +91,29 @@ mod tests {
 
     fn square(stage: usize, grid: bool) -> Result<serde_json::Value, RunError> {
         let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../cases/square-drop/scene.toml").into();
-        let text = json(&MeshArgs { scene, stage, out: Some("/nowhere".into()), grid })?;
+        changed(scene, stage, grid, &[])
+    }
+
+    fn changed(
+        scene: PathBuf,
+        stage: usize,
+        grid: bool,
+        settings: &[&str],
+    ) -> Result<serde_json::Value, RunError> {
+        let settings = settings.iter().map(|text| text.parse().expect("a setting")).collect();
+        let text = json(&MeshArgs { scene, stage, out: Some("/nowhere".into()), grid, settings })?;
         Ok(serde_json::from_str(&text).expect("JSON"))
+    }
+
+    #[test]
+    fn settings_replace_values_of_the_scene() {
+        let scene: PathBuf = concat!(env!("CARGO_MANIFEST_DIR"), "/../cases/square-drop/scene.toml").into();
+        let found = changed(scene.clone(), 0, false, &["canopy.cells=[4, 4]", "coupling.relaxation=0.2"]);
+        let found = found.expect("a scene of the repository");
+        assert_eq!(found["structure"]["faces"].as_array().map(Vec::len), Some(16));
+        assert_eq!(found["scene"]["coupling"]["relaxation"], 0.2);
+        let wrong = changed(scene, 0, false, &["coupling.relaxation=2"]).expect_err("an invalid value");
+        assert!(wrong.to_string().contains("--set coupling.relaxation=2"), "{wrong}");
     }
 
     #[test]

@@ -16,6 +16,7 @@
 mod allocator;
 pub mod boundary_values;
 mod error;
+pub mod face_permeability;
 pub mod geometry;
 pub mod gradient;
 pub mod handover;

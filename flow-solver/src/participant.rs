@@ -180,6 +180,7 @@ fn announcement(setup: &Setup, (_, grid_nodes): (usize, usize)) -> Announcement 
             "stage.steady",
             "flow.shear",
             "fabric.permeability",
+            "canopy.fabric.permeability",
             "flow.viscosity",
             "flow.viscosity.turbulence",
             "flow.viscosity.turbulence.spalart-allmaras",

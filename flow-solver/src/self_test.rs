@@ -8,6 +8,7 @@ use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Patch, plate_grid};
 
 use crate::boundary_values::BoundaryValues;
+use crate::face_permeability::FacePermeability;
 use crate::geometry::vec3::Vec3;
 use crate::loads::Loads;
 use crate::permeable::Permeability;
@@ -91,7 +92,7 @@ fn run<V: Viscosity>(
     let (lo, hi) = (Vec3::new(-1.5, -1.5, -1.0), Vec3::new(1.5, 1.5, 2.0));
     let grid = plate_grid([12, 12, 12], lo.into(), hi.into(), patches, 4, [4..8, 3..9]);
     let faces = FaceTable::new(&grid).map_err(Fault::new)?;
-    let topology = partitioned(&grid, &faces, comm, true, cloth)?;
+    let topology = partitioned(&grid, &faces, comm, true, &FacePermeability::uniform(cloth))?;
     let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     let air = Air::new(1.225, 288.15);
     let settings = Settings {

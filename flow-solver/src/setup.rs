@@ -7,8 +7,8 @@ use channel::Fault;
 use comm::Comm;
 use mesh::{FaceTable, FlowGrid, Graph, QualityReport, StructureMesh};
 
+use crate::face_permeability::FacePermeability;
 use crate::geometry::vec3::Vec3;
-use crate::permeable::Permeability;
 use crate::physics::{Air, VELOCITY_DIFFUSION};
 use crate::shear::WindShear;
 use crate::solver::{Method, Settings};
@@ -276,16 +276,13 @@ impl Setup {
     /// # Errors
     /// More ranks than cells.
     pub fn topology(&self, comm: &Comm, viscous: bool) -> Result<Topology, Fault> {
-        let cloth = self.scene.fabric.permeability.as_ref().map(|p| {
-            let (a, b) = p.coefficients(self.scene.flow.as_ref().map_or(0.0, |air| air.density_kg_m3));
-            Permeability::new(a, b)
-        });
-        partitioned(&self.grid, &self.faces, comm, viscous, cloth)
+        let cloth = FacePermeability::of_scene(&self.scene, &self.structure, self.flow.density_kg_m3);
+        partitioned(&self.grid, &self.faces, comm, viscous, &cloth)
     }
 }
 
 /// This rank's part of `grid`, split by METIS, its cells ordered for the cache, with a canopy
-/// of permeability `cloth` (`None`: airtight).
+/// of permeability `cloth`.
 ///
 /// # Errors
 /// More ranks than cells.
@@ -294,7 +291,7 @@ pub fn partitioned(
     faces: &FaceTable,
     comm: &Comm,
     viscous: bool,
-    cloth: Option<Permeability>,
+    cloth: &FacePermeability,
 ) -> Result<Topology, Fault> {
     let cells = grid.cells.len();
     let graph = Graph::of_cells(cells, faces);

@@ -9,6 +9,7 @@ use std::collections::HashMap;
 use comm::Numbering;
 use mesh::{FaceNodes, FaceTable, FlowGrid, Patch, clean_face};
 
+use crate::face_permeability::FacePermeability;
 use crate::geometry::vec3::Vec3;
 use crate::periodic::{self, Shift, opposite};
 use crate::physics::Permeability;
@@ -178,11 +179,10 @@ impl Topology {
         rank: u32,
         viscous: bool,
     ) -> Self {
-        Self::with_cloth(grid, faces, part, order, rank, viscous, None)
+        Self::with_cloth(grid, faces, part, order, rank, viscous, &FacePermeability::default())
     }
 
-    /// As [`Topology::new`], with a permeable canopy if `cloth` is given:
-    /// then each rank has both cells of its canopy faces.
+    /// As [`Topology::new`], with a canopy of permeability `cloth`: where air passes any face, each rank has both cells of its canopy faces.
     pub fn with_cloth(
         grid: &FlowGrid,
         faces: &FaceTable,
@@ -190,10 +190,10 @@ impl Topology {
         order: &[u32],
         rank: u32,
         viscous: bool,
-        cloth: Option<Permeability>,
+        cloth: &FacePermeability,
     ) -> Self {
         let wide = Neighbourhoods::new(grid, faces);
-        let numbering = numbered(faces, Owners { part, rank }, order, cloth.is_some(), wide.as_ref());
+        let numbering = numbered(faces, Owners { part, rank }, order, cloth.is_any(), wide.as_ref());
         let periods = periodic::periods(&faces.periodic);
         let images = images(&numbering, &periods);
         let mut parts = Builder {
@@ -218,7 +218,7 @@ impl Topology {
         t.adjacency = Adjacency::new(t.n_owned, &t.cells);
         let upwind = upwind_cells(grid.cells.len(), faces);
         t.upwind = t.numbering.global.iter().map(|&c| upwind[c as usize]).collect();
-        let (region, n_closed_regions) = closed_regions(grid.cells.len(), faces, cloth.is_some());
+        let (region, n_closed_regions) = closed_regions(grid.cells.len(), faces, cloth);
         t.region = t.numbering.global.iter().map(|&c| region[c as usize]).collect();
         t.n_closed_regions = n_closed_regions;
         t.wide = wide.map(|w| w.rows(&t.numbering));
@@ -303,8 +303,8 @@ fn upwind_cells(cells: usize, faces: &FaceTable) -> Vec<bool> {
     near
 }
 
-/// Regions of cells of the whole grid that no air enters or leaves, and their number; `permeable`: air passes the canopy.
-fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>, usize) {
+/// Regions of cells of the whole grid that no air enters or leaves, and their number; air passes faces of the canopy by `cloth`.
+fn closed_regions(cells: usize, faces: &FaceTable, cloth: &FacePermeability) -> (Vec<u16>, usize) {
     let mut root: Vec<u32> = (0..cells as u32).collect();
     fn find(root: &mut [u32], mut c: u32) -> u32 {
         while root[c as usize] != c {
@@ -313,7 +313,8 @@ fn closed_regions(cells: usize, faces: &FaceTable, permeable: bool) -> (Vec<u16>
         }
         c
     }
-    let through = faces.canopy.iter().filter(|_| permeable).filter_map(|c| c.both());
+    let through =
+        faces.canopy.iter().enumerate().filter(|(k, _)| cloth.at(*k).is_some()).filter_map(|(_, c)| c.both());
     for (i, j) in neighbours(faces).chain(through) {
         let (a, b) = (find(&mut root, i), find(&mut root, j));
         root[a.max(b) as usize] = a.min(b);
@@ -499,7 +500,7 @@ impl Builder<'_> {
         self.t.symmetry.sort_by_key(|side| side.cell);
     }
 
-    fn add_canopy(&mut self, viscous: bool, cloth: Option<Permeability>) {
+    fn add_canopy(&mut self, viscous: bool, cloth: &FacePermeability) {
         let faces = self.faces;
         let (mut mine, mut theirs) = (Vec::new(), Vec::new());
         for (k, cells) in faces.canopy.iter().enumerate() {
@@ -519,7 +520,7 @@ impl Builder<'_> {
             let face = self.add_face(nodes, before + g as usize);
             self.t.canopy_face.push(face);
             let both = cells.both().and_then(|(i, o)| self.local(i).zip(self.local(o)));
-            if let Some((cloth, (inside, outside))) = cloth.zip(both) {
+            if let Some((cloth, (inside, outside))) = cloth.at(g as usize).zip(both) {
                 self.t.porous_faces.push(PorousFace { face, inside, outside, cloth });
             }
             for (cell, sign) in cells.sides() {

@@ -92,12 +92,14 @@ class Run:
             return self.resume / f"{role}.bin"
         return case["states"].get(role)
 
-    def case(self, grid=False):
+    def case(self, grid=False, settings=()):
         """What `ripstop mesh` says of this stage: `scene` (with defaults), `structure`
-        (the mesh), `states` (files to start from, by role) and, if asked for, `grid`."""
+        (the mesh), `states` (files to start from, by role) and, if asked for, `grid`.
+        `settings`: values that replace those of the scene, each `KEY=VALUE`."""
         built = Path(__file__).resolve().parents[2] / "target/release/ripstop"
         ripstop = os.environ.get("RIPSTOP") or shutil.which("ripstop") or str(built)
         words = [ripstop, "mesh", str(self.scene), "--stage", str(self.stage), "--out", str(self.out)]
+        words += [word for setting in settings for word in ("--set", setting)]
         try:
             done = subprocess.run(words + ["--grid"] * grid, capture_output=True, text=True, check=False)
         except FileNotFoundError as error:

@@ -142,6 +142,8 @@ STATISTICS = {
         "air_force_x": 38,
         "air_force_y": 39,
         "air_force_z": 40,
+        "membrane_force_over_strength": 41,
+        "membrane_force_over_strength_99": 42,
     },
     "flow": {
         "force_x": 0,

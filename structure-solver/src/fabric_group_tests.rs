@@ -50,6 +50,8 @@ fn scene(structure: &str) -> Scene {
 const STIFFNESS: [f64; 2] = [1e6 * 1e-3, 3e6 * 4e-4];
 const MASS: [f64; 2] = [800.0 * 1e-3, 1200.0 * 4e-4];
 const WIDTH: f64 = 0.5;
+/// Of the second cloth, N/m; the first has none.
+const STRENGTH: f64 = 900.0;
 
 /// Force of a strip of a stiffness E t (N/m) at the stretch `l`, N: of the second Piola-Kirchhoff stress E (l^2 - 1)/2.
 fn pull(stiffness: f64, l: f64) -> f64 {
@@ -83,6 +85,7 @@ fn two_cloths_in_a_row_carry_one_force() {
             thickness_m: Some(4e-4),
             density_kg_m3: Some(1200.0),
             youngs_modulus_pa: Some(3e6),
+            strength_n_m: Some(STRENGTH),
             ..FabricGroup::default()
         };
         s.canopy = case::Canopy::Gmsh(GmshCanopy { file, cables: Vec::new(), fabrics: vec![group] });
@@ -117,9 +120,12 @@ fn compare(d: &mut Dynamics, s: &Scene, mesh: &mesh::StructureMesh) {
         assert!((d.accepted.u[3 * n] - exact).abs() < 1e-9, "{x:?}: {} {exact}", d.accepted.u[3 * n]);
     }
     assert!((d.mean_reactions()[0].force.x + force).abs() < 1e-6, "{:?} {force}", d.mean_reactions());
-    let mut gauge = Diagnostics::new(&d.system, mesh, |group| s.fabric_of(group).thickness_m);
+    let mut gauge = Diagnostics::new(&d.system, mesh, s);
     let m = gauge.measure(&d.system, &d.accepted, load);
     assert!((m.max_membrane_force * WIDTH / force - 1.0).abs() < 1e-8, "{m:?}");
+    let share = force / (WIDTH * STRENGTH);
+    assert!((m.max_force_over_strength / share - 1.0).abs() < 1e-8, "{m:?}");
+    assert!((m.force_over_strength_99 / share - 1.0).abs() < 1e-3, "{m:?}");
     let x: Vec<f64> = d.system.model.reference.iter().zip(&d.accepted.u).map(|(x, u)| x + u).collect();
     let stresses = d.system.by_triangle(f64::NAN, |l| l.nominal_stresses(&x));
     for (t, stress) in d.system.model.triangles.iter().zip(stresses) {

@@ -1,6 +1,7 @@
 //! Numbers that describe a state: energies, loads, areas, tensions, volume.
 
-use case::TapePlace;
+use case::{Scene, TapePlace};
+use comm::Comm;
 use mesh::geometry::Vec3;
 use mesh::{CableKind, StructureMesh};
 
@@ -37,6 +38,10 @@ pub struct Measures {
     pub max_membrane_force: f64,
     /// Membrane force that 99 % of the unstressed area does not exceed, N/m.
     pub membrane_force_99: f64,
+    /// Largest membrane force over the strength of its cloth, where cloths of a mesh file have strengths of their own; else 0.
+    pub max_force_over_strength: f64,
+    /// The same that 99 % of the unstressed area of these cloths does not exceed.
+    pub force_over_strength_99: f64,
     /// Largest tension of a tape at each place, N, in the order of [`TapePlace::ALL`].
     pub max_tape_tensions: [f64; TapePlace::ALL.len()],
     /// Momentum of the free components of all nodes in the frame, N s.
@@ -55,14 +60,15 @@ pub struct Diagnostics {
     tapes: Vec<(u32, TapePlace, f64)>,
     /// Thickness of the triangles counted here, m.
     thickness: Vec<f64>,
+    /// Strength of their cloths, N/m, infinite without one; where a group of a mesh file has its own.
+    strength: Option<Vec<f64>>,
     x: Vec<f64>,
     w: Vec<f64>,
 }
 
 impl Diagnostics {
-    /// The hem is where suspension lines start; without lines it is the rim. `thickness` of a cloth in m, by its
-    /// group.
-    pub fn new(system: &System, mesh: &StructureMesh, thickness: impl Fn(Option<u16>) -> f64) -> Self {
+    /// The hem is where suspension lines start; without lines it is the rim. Thickness and strength are those of the cloths of `scene`.
+    pub fn new(system: &System, mesh: &StructureMesh, scene: &Scene) -> Self {
         let model = &system.model;
         let mut is_hem = vec![false; mesh.coords.len()];
         for c in mesh.cables.iter().filter(|c| c.kind == CableKind::SuspensionLine) {
@@ -92,9 +98,19 @@ impl Diagnostics {
             held.extend((0..2).filter(|&end| fixed(c.nodes[end])).map(|end| (k as u32, end)));
         }
         let zero = || vec![0.0; 3 * model.n_local()];
-        let thickness =
-            model.triangles[..model.n_own_triangles].iter().map(|t| thickness(t.fabric)).collect();
-        Self { hem: hem.map(|i| i as u32).collect(), held, lines, tapes, thickness, x: zero(), w: zero() }
+        let own = || model.triangles[..model.n_own_triangles].iter().map(|t| scene.fabric_of(t.fabric));
+        Self {
+            hem: hem.map(|i| i as u32).collect(),
+            held,
+            lines,
+            tapes,
+            thickness: own().map(|cloth| cloth.thickness_m).collect(),
+            strength: scene
+                .has_strengths_by_group()
+                .then(|| own().map(|cloth| cloth.strength_n_m.unwrap_or(f64::INFINITY)).collect()),
+            x: zero(),
+            w: zero(),
+        }
     }
 
     /// Kinetic energy of `state` on owned nodes, J.
@@ -155,7 +171,7 @@ impl Diagnostics {
             let most = &mut tapes[place as usize];
             *most = most.max(tensions[k as usize] / share);
         }
-        let [max_membrane_force, membrane_force_99] = self.membrane_forces(system);
+        let [forces, over_strength] = self.membrane_forces(system);
         Measures {
             kinetic: sums[0],
             strain: sums[1],
@@ -164,32 +180,46 @@ impl Diagnostics {
             volume: sums[4],
             riser_force: sums[5],
             max_line_tension: comm.max(tension),
-            max_membrane_force,
-            membrane_force_99,
+            max_membrane_force: forces[0],
+            membrane_force_99: forces[1],
+            max_force_over_strength: over_strength[0],
+            force_over_strength_99: over_strength[1],
             max_tape_tensions: tapes.map(|t| comm.max(t)),
             ..Measures::default()
         }
     }
 
-    /// Largest membrane force and that of [`AREA_SHARE`] at the positions measured last, N/m. Collective.
-    fn membrane_forces(&self, system: &System) -> [f64; 2] {
+    /// Largest membrane force and that of [`AREA_SHARE`] at the positions measured last, N/m, and the same over the strength. Collective.
+    fn membrane_forces(&self, system: &System) -> [[f64; 2]; 2] {
         let model = &system.model;
         let own = &model.triangles[..model.n_own_triangles];
         let stresses = system.by_triangle(0.0, |l| l.nominal_stresses(&self.x));
         let cloth = self.thickness.iter().zip(own);
-        let forces: Vec<(f64, f64)> =
+        let mut forces: Vec<(f64, f64)> =
             stresses.iter().zip(cloth).map(|(s, (t, triangle))| (t * s, triangle.reference.area)).collect();
-        let most = model.comm.max(forces.iter().map(|f| f.0).fold(0.0, f64::max));
-        if most <= 0.0 {
-            return [0.0; 2];
+        let all = largest_and_quantile(&model.comm, &forces);
+        let Some(strengths) = &self.strength else { return [all, [0.0; 2]] };
+        for ((force, area), strength) in forces.iter_mut().zip(strengths) {
+            // Cloth without a strength is no part of the area.
+            *area = if strength.is_finite() { *area } else { 0.0 };
+            *force /= strength;
         }
-        let mut areas = [0.0; BINS];
-        for (force, area) in forces {
-            areas[((force / most * BINS as f64) as usize).min(BINS - 1)] += area;
-        }
-        model.comm.sum_slice(&mut areas);
-        [most, most * quantile(&areas, AREA_SHARE)]
+        [all, largest_and_quantile(&model.comm, &forces)]
     }
+}
+
+/// Largest of the `values`, each of an area (m2), and the one that [`AREA_SHARE`] of the area does not exceed. Collective.
+fn largest_and_quantile(comm: &Comm, values: &[(f64, f64)]) -> [f64; 2] {
+    let most = comm.max(values.iter().map(|v| v.0).fold(0.0, f64::max));
+    if most <= 0.0 {
+        return [0.0; 2];
+    }
+    let mut areas = [0.0; BINS];
+    for (value, area) in values {
+        areas[((value / most * BINS as f64) as usize).min(BINS - 1)] += area;
+    }
+    comm.sum_slice(&mut areas);
+    [most, most * quantile(&areas, AREA_SHARE)]
 }
 
 /// Share of the area whose membrane force is reported next to the largest one: the largest belongs to one element at a corner or a line, and grows

@@ -169,7 +169,7 @@ impl StructureSolver {
             log = create_log(&dynamics, scene, stage, out)?;
             reactions = open_reactions(scene, stage, out, false)?;
         }
-        let gauge = Diagnostics::new(&dynamics.system, &mesh, |group| scene.fabric_of(group).thickness_m);
+        let gauge = Diagnostics::new(&dynamics.system, &mesh, &scene);
         let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();
@@ -327,6 +327,8 @@ impl StructureSolver {
         v[stat::MAX_LINE_TENSION] = m.max_line_tension;
         v[stat::MAX_MEMBRANE_FORCE] = m.max_membrane_force;
         v[stat::MEMBRANE_FORCE_99] = m.membrane_force_99;
+        v[stat::MEMBRANE_FORCE_OVER_STRENGTH] = m.max_force_over_strength;
+        v[stat::MEMBRANE_FORCE_OVER_STRENGTH_99] = m.force_over_strength_99;
         v[stat::MAX_HEM_TAPE_TENSION..][..m.max_tape_tensions.len()].copy_from_slice(&m.max_tape_tensions);
         v[stat::RESIDUAL] = info.residual;
         v[stat::RESIDUAL_TARGET] = info.target;

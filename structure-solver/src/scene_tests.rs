@@ -151,7 +151,7 @@ fn membrane_forces_are_those_of_a_uniform_stretch_and_of_a_peak() {
         let s = scene(BAG, rest, LAST);
         let mut d = structure(&s, None).expect("a structure");
         let mesh = mesh::structure_mesh(&s).expect("a mesh");
-        let mut diagnostics = crate::measures::Diagnostics::new(&d.system, &mesh, |_| s.fabric.thickness_m);
+        let mut diagnostics = crate::measures::Diagnostics::new(&d.system, &mesh, &s);
         let n = d.system.model.n_faces;
         let load = FaceLoad { pressure: &vec![0.0; n], traction: &[] };
         let l = 1.3f64;

@@ -1,48 +1,83 @@
 //! Time limits that do not depend on the load of the machine.
 //!
-//! During a measurement a thread of the test computes without pause. The scheduler shares the cores between all threads, so
-//! the processor time of this thread is the time available to one thread: the wall time on an idle core, a part of it on a
-//! loaded machine. Limits count available time.
+//! During a measurement a thread of the test computes a tenth of the time, in bursts. The scheduler shares the cores between all
+//! threads, so the processor time of a burst over its length by the clock is the share of a core that is available to one
+//! thread: 1 on an idle core, less on a loaded machine. Limits count available time, the integral of that share. Without pauses
+//! the thread would take a fifth of two cores from what the tests measure.
 //!
 //! The file has no dependencies within the project, because the tests of `channel` and `coupler` include it by path.
 #![allow(dead_code, reason = "each test uses a part of it")]
 
-use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// The computing thread; it ends with its last user.
-struct Spinner {
-    /// Processor time of the thread, ns.
-    used: AtomicU64,
+/// Processor time of a burst: several time slices of the scheduler, of which a thread that has slept gets the first at once.
+const BURST: Duration = Duration::from_millis(15);
+/// Pause after a burst, in units of its length by the clock on an idle core.
+const PAUSE: u32 = 9;
+
+/// The thread that samples the load; it ends with its last user.
+struct Sampler(Mutex<Sampled>);
+
+/// Available time up to an instant, and the share of a core that is available since.
+#[derive(Clone, Copy)]
+struct Sampled {
+    at: Instant,
+    available: Duration,
+    share: f64,
 }
 
-impl Spinner {
-    /// The common spinner of this process.
+impl Sampled {
+    fn available_at(&self, now: Instant) -> Duration {
+        self.available + now.saturating_duration_since(self.at).mul_f64(self.share)
+    }
+}
+
+impl Sampler {
+    /// The common sampler of this process.
     fn shared() -> Arc<Self> {
-        static SHARED: Mutex<Weak<Spinner>> = Mutex::new(Weak::new());
+        static SHARED: Mutex<Weak<Sampler>> = Mutex::new(Weak::new());
         let mut shared = SHARED.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some(running) = shared.upgrade() {
             return running;
         }
-        let new = Arc::new(Self { used: AtomicU64::new(0) });
+        let start = Sampled { at: Instant::now(), available: Duration::ZERO, share: 1.0 };
+        let new = Arc::new(Self(Mutex::new(start)));
         *shared = Arc::downgrade(&new);
         let seen = Arc::downgrade(&new);
         std::thread::spawn(move || {
-            while let Some(spinner) = seen.upgrade() {
-                spinner.used.store(thread_time().as_nanos() as u64, Ordering::Relaxed);
-                drop(spinner);
-                // The clock is read about every 0.1 ms.
-                for i in 0..100_000u32 {
-                    std::hint::black_box(i);
-                }
+            while let Some(sampler) = seen.upgrade() {
+                sampler.set(share_of_a_core(BURST));
+                drop(sampler);
+                std::thread::sleep(BURST * PAUSE);
             }
         });
         new
     }
 
-    fn used(&self) -> Duration {
-        Duration::from_nanos(self.used.load(Ordering::Relaxed))
+    fn set(&self, share: f64) {
+        let mut sampled = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let now = Instant::now();
+        *sampled = Sampled { at: now, available: sampled.available_at(now), share };
+    }
+
+    /// Available time since the sampler started.
+    fn available(&self) -> Duration {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).available_at(Instant::now())
+    }
+}
+
+/// Computes for `length` of processor time: its share of the time by the clock.
+fn share_of_a_core(length: Duration) -> f64 {
+    let (clock, begin) = (Instant::now(), thread_time());
+    loop {
+        for i in 0..100_000u32 {
+            std::hint::black_box(i);
+        }
+        let used = thread_time() - begin;
+        if used >= length {
+            return (used.as_secs_f64() / clock.elapsed().as_secs_f64()).min(1.0);
+        }
     }
 }
 
@@ -54,7 +89,7 @@ pub fn thread_time() -> Duration {
 
 /// A clock of available time.
 pub struct Available {
-    spinner: Arc<Spinner>,
+    sampler: Arc<Sampler>,
     begin: Duration,
 }
 
@@ -62,14 +97,14 @@ impl Available {
     /// Starts the clock.
     #[allow(clippy::new_without_default, reason = "it starts a thread")]
     pub fn new() -> Self {
-        let spinner = Spinner::shared();
-        let begin = spinner.used();
-        Self { spinner, begin }
+        let sampler = Sampler::shared();
+        let begin = sampler.available();
+        Self { sampler, begin }
     }
 
     /// Time available to one thread since the start, at most the wall time.
     pub fn elapsed(&self) -> Duration {
-        self.spinner.used().saturating_sub(self.begin)
+        self.sampler.available().saturating_sub(self.begin)
     }
 }
 
@@ -124,12 +159,7 @@ impl Limit {
 
 /// Factor by which a thread is slower than on an idle core, at least 1.
 pub fn slowdown() -> f64 {
-    const ENOUGH: Duration = Duration::from_millis(200);
-    let (begin, available) = (Instant::now(), Available::new());
-    while available.elapsed() < ENOUGH {
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    (begin.elapsed().as_secs_f64() / available.elapsed().as_secs_f64()).max(1.0)
+    1.0 / share_of_a_core(Duration::from_millis(200))
 }
 
 /// Wall time for work that needs `free` on an idle core, at the present load.

@@ -32,6 +32,14 @@ fn configurations(python: &Path, scene: &Path, role: &str) -> String {
     write.env("PYTHONPATH", root().join("python")).env("RIPSTOP", program("ripstop")).stdin(Stdio::null());
     succeed(write);
     assert!(scene.with_file_name(format!("{role}-descent.xml")).exists());
+    let shorter = scene.with_file_name("shorter.xml");
+    let mut write = Command::new(python);
+    write.args(["-m", "ripstop.precice", role, "--write-config"]).arg(scene).arg("--config").arg(&shorter);
+    write.args(["--only-stage", "descent", "--set", "stage.descent.duration_s=0.04"]);
+    write.env("PYTHONPATH", root().join("python")).env("RIPSTOP", program("ripstop")).stdin(Stdio::null());
+    succeed(write);
+    let text = std::fs::read_to_string(shorter).expect("a configuration");
+    assert!(text.contains("<max-time value=\"0.04\"/>"), "{text}");
     let effects = if role == "structure" { "--effects fabric.wrinkling,lines" } else { "" };
     format!("{role} --config '{}' {effects}", pattern.display())
 }

@@ -15,8 +15,8 @@ pub(super) fn minus(a: &[f64], b: &[f64]) -> Vec<f64> {
 pub(super) enum Deviation {
     /// Norm over the recorded norm.
     Scale(f64),
-    /// The opposite of what is recorded.
-    Reversed,
+    /// The opposite of what is recorded: cosine between them.
+    Reversed(f64),
     /// The second reply is that of the first window, or the recorded one of it.
     Late,
     /// Rows whose first value has the opposite sign, where most others agree.
@@ -40,7 +40,8 @@ fn scale(found: &[f64], recorded: &[f64]) -> Option<Deviation> {
 
 fn reversed(found: &[f64], recorded: &[f64]) -> Option<Deviation> {
     let product: f64 = found.iter().zip(recorded).map(|(x, y)| x * y).sum();
-    (product < OPPOSITE * norm(found) * norm(recorded)).then_some(Deviation::Reversed)
+    let cosine = product / (norm(found) * norm(recorded));
+    (cosine < OPPOSITE).then_some(Deviation::Reversed(cosine))
 }
 
 /// Rows of `width` values whose first value is the opposite of the recorded one to a third, among those above a tenth of the largest.
@@ -120,14 +121,17 @@ mod tests {
             assert_eq!(judged([&FIRST, &FIRST], values), Some(Deviation::Late));
             assert_eq!(judged([&times(&FIRST, 0.9), &times(&FIRST, 0.9)], values), Some(Deviation::Late));
             let turned = [times(&FIRST, -1.0), times(&SECOND, -1.0)];
-            assert_eq!(judged([&turned[0], &turned[1]], values), Some(Deviation::Reversed));
+            let Some(Deviation::Reversed(cosine)) = judged([&turned[0], &turned[1]], values) else {
+                panic!("the opposite");
+            };
+            assert!((cosine + 1.0).abs() < 1e-12);
         }
         let mut one = (FIRST, SECOND);
         (one.0[4], one.1[4]) = (-FIRST[4], -SECOND[4]);
         assert_eq!(judged([&one.0, &one.1], true), Some(Deviation::Rows(vec![4])));
         // A displacement that moves the other way within a shape that agrees.
         let back: Vec<f64> = FIRST.iter().zip(SECOND).map(|(a, b)| 2.0 * a - b).collect();
-        assert_eq!(judged([&FIRST, &back], false), Some(Deviation::Reversed));
+        assert!(matches!(judged([&FIRST, &back], false), Some(Deviation::Reversed(_))));
         // Nothing moves: no change to compare.
         assert_eq!(deviation([&FIRST, &FIRST], [&FIRST, &FIRST], false, 1), None);
     }

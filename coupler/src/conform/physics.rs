@@ -111,9 +111,15 @@ impl ConformanceSuite<'_> {
                 "a change of the input changes the reply by {change:.1e} (repeated: {noise:.1e})"
             ))
         } else {
+            let unread = match first {
+                Request::Flow(_) => {
+                    ", or the program does not read the velocity of the frame, which alone was changed"
+                }
+                _ => "",
+            };
             Verdict::Failed(format!(
                 "the reply does not depend on the input of its window (change {change:.1e}, repeated {noise:.1e}): it follows an earlier \
-                 input, one window late"
+                 input, one window late{unread}"
             ))
         })
     }
@@ -160,11 +166,13 @@ impl ConformanceSuite<'_> {
                 };
                 format!("the reply is {ratio:.3e} times the recorded one{cause}")
             }
-            Deviation::Reversed if role == Role::Flow => {
-                "the load is the opposite of the recorded one: the pressure jump is inside minus outside"
-                    .into()
-            }
-            Deviation::Reversed => "the canopy moves opposite to the recorded motion".into(),
+            Deviation::Reversed(cosine) if role == Role::Flow => format!(
+                "the load is the opposite of the recorded one (cosine {cosine:.2}): the pressure jump is inside minus outside"
+            ),
+            Deviation::Reversed(cosine) => format!(
+                "the canopy moves opposite to the recorded motion (cosine {cosine:.2}): a wrong sign of load or displacement; or the recording is of \
+                 another model, whose oscillation differs"
+            ),
             Deviation::Late => "the reply of window 1 is that of window 0: it is one window late".into(),
             Deviation::Rows(faces) => format!(
                 "the load on face {} is the opposite of the recorded one, where other faces agree: a wrong normal",

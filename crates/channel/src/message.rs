@@ -125,6 +125,11 @@ pub mod structure_stats {
     /// Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has
     /// `lines.drag` or `descent.body`.
     pub const AIR_FORCE: usize = 38;
+    /// Largest membrane force over the strength of its cloth at the end of the window, where cloths of a mesh file have strengths of their own. 0: no
+    /// tension, no strength, or not reported.
+    pub const MEMBRANE_FORCE_OVER_STRENGTH: usize = 41;
+    /// Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as `MEMBRANE_FORCE_OVER_STRENGTH`.
+    pub const MEMBRANE_FORCE_OVER_STRENGTH_99: usize = 42;
 }
 
 /// Indices into [`Stats::values`] of the flow.

@@ -180,7 +180,7 @@ pub const CHECKS: &[Check] = &[
                    max_line_tension_n, of risers risers.strength_n over riser_force_n for each riser, an upper bound; of tapes \
                    strength_n over the largest tension at their place (max_seam_tape_tension_n); of the fabric \
                    fabric.strength_n_m over max_membrane_force_n_m, the peak of one element, which grows at corners and lines as elements shrink, \
-                   and next to it over membrane_force_99_n_m. Loads within a window are not seen, nor the strength of seams",
+                   and next to it over membrane_force_99_n_m; where groups of a mesh file have strengths of their own 1 over membrane_force_over_strength. Loads within a window are not seen, nor the strength of seams",
         range: "warning below 1 at the end of the stage; below safety_factor of the section the figure says so",
         source: "the strength of the scene or of its material",
         severity: Warning,

@@ -321,7 +321,7 @@ impl CutFaces {
     }
 
     /// Triangle of the first crossing of a row.
-    pub(crate) fn triangle_of(&self, row: usize) -> usize {
+    pub fn triangle_of(&self, row: usize) -> usize {
         self.crossings[self.of_entry[self.rows.offsets[row]].start].triangle
     }
 

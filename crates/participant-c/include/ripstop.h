@@ -88,7 +88,9 @@ enum {
     RIPSTOP_STRUCTURE_MAX_GRID_TAPE_TENSION = 31, /* Largest tension of one tape of the grid, N, as MAX_HEM_TAPE_TENSION: that of an element over the tapes that it stands for. */
     RIPSTOP_STRUCTURE_SUPPORT_FORCE = 32, /* Mean over the window of the force of the structure on the payload, or on its support, N: x, y, z at 32, 33, 34. The payload's own weight is excluded: in balance with the impulse of the air and the change of MOMENTUM. With descent.body the force on the body, its drag included. The descent equation reads its vertical part from programs with the effect descent.equation, all of it from those with the effect descent.motion. */
     RIPSTOP_STRUCTURE_MOMENTUM = 35, /* Momentum of all free components of nodes, relative to the frame, at the end of the window, N s: 35, 36, 37; read as SUPPORT_FORCE. */
-    RIPSTOP_STRUCTURE_AIR_FORCE = 38 /* Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has lines.drag or descent.body. */
+    RIPSTOP_STRUCTURE_AIR_FORCE = 38, /* Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has lines.drag or descent.body. */
+    RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH = 41, /* Largest membrane force over the strength of its cloth at the end of the window, where cloths of a mesh file have strengths of their own. 0: no tension, no strength, or not reported. */
+    RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 42 /* Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as MEMBRANE_FORCE_OVER_STRENGTH. */
 };
 
 /* Indices into `statistics` of the flow. The numbers of a vector follow each other: x, y, z. */

@@ -132,6 +132,14 @@ pub const HISTORY: &[Column] = &[
         "Largest membrane force of the fabric, for each metre of unstressed width: the peak of one element. 0: no tension, or not reported.",
     ),
     column("membrane_force_99_n_m", "Membrane force that 99 % of the area of the fabric does not exceed."),
+    column(
+        "membrane_force_over_strength",
+        "Largest membrane force over the strength of its cloth, where cloths of a mesh file have strengths of their own; else 0.",
+    ),
+    column(
+        "membrane_force_over_strength_99",
+        "The same that 99 % of the area of these cloths does not exceed.",
+    ),
     column("max_hem_tape_tension_n", "Largest tension of a tape of the hem. 0: no tension, or not reported."),
     column("max_seam_tape_tension_n", "The same of the seams."),
     column("max_vent_tape_tension_n", "The same of the vents."),

@@ -127,7 +127,7 @@ impl Column {
 }
 
 /// Statistics of the structure.
-const STRUCTURE_COLUMNS: [Column; 26] = {
+const STRUCTURE_COLUMNS: [Column; 28] = {
     use structure_stats as s;
     [
         Column::number("structure_kinetic_energy_j", s::KINETIC_ENERGY),
@@ -144,6 +144,8 @@ const STRUCTURE_COLUMNS: [Column; 26] = {
         Column::number("max_line_tension_n", s::MAX_LINE_TENSION),
         Column::number("max_membrane_force_n_m", s::MAX_MEMBRANE_FORCE),
         Column::number("membrane_force_99_n_m", s::MEMBRANE_FORCE_99),
+        Column::number("membrane_force_over_strength", s::MEMBRANE_FORCE_OVER_STRENGTH),
+        Column::number("membrane_force_over_strength_99", s::MEMBRANE_FORCE_OVER_STRENGTH_99),
         Column::number("max_hem_tape_tension_n", s::MAX_HEM_TAPE_TENSION),
         Column::number("max_seam_tape_tension_n", s::MAX_SEAM_TAPE_TENSION),
         Column::number("max_vent_tape_tension_n", s::MAX_VENT_TAPE_TENSION),

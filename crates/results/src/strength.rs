@@ -14,9 +14,9 @@ pub struct SafetyFactor {
     /// Largest tension or membrane force at the end of a window, in `unit`. Of a riser: the vertical force of all risers over their number,
     /// which the largest tension of a riser exceeds. Of the fabric: that of one element, which grows at corners and lines as elements shrink.
     pub load: f64,
-    /// Strength by the scene, in `unit`.
+    /// Strength by the scene, in `unit`; 1 where `load` is a share of it.
     pub strength: f64,
-    /// `N`, or `N/m` of the fabric.
+    /// `N`, or `N/m` of the fabric; `1` where groups of a mesh file have strengths of their own: the load is the largest share of the strength of its cloth.
     pub unit: String,
     /// Time of the largest load from the start of the stage, s.
     pub time_s: f64,
@@ -58,10 +58,14 @@ impl SafetyFactor {
             Some(Self { part, load, strength, unit, time_s, factor, factor_99: None, required })
         };
         let fabric = &scene.fabric;
-        let own = factor("fabric", fabric.strength_n_m, fabric.safety_factor, "max_membrane_force_n_m", 1.0);
-        let fabric = own.map(|f| {
-            let most = largest(columns, "membrane_force_99_n_m").map(|(_, force)| f.strength / force);
-            Self { unit: "N/m".into(), factor_99: most, ..f }
+        let (strength, unit, [peak, most]) = if scene.has_strengths_by_group() {
+            (Some(1.0), "1", ["membrane_force_over_strength", "membrane_force_over_strength_99"])
+        } else {
+            (fabric.strength_n_m, "N/m", ["max_membrane_force_n_m", "membrane_force_99_n_m"])
+        };
+        let fabric = factor("fabric", strength, fabric.safety_factor, peak, 1.0).map(|f| {
+            let factor_99 = largest(columns, most).map(|(_, load)| f.strength / load);
+            Self { unit: unit.into(), factor_99, ..f }
         });
         let lines = scene.lines.as_ref();
         let lines =
@@ -97,6 +101,15 @@ impl SafetyFactor {
         let below = required.map_or(String::new(), |required| format!(", below the required {required}"));
         let most =
             self.factor_99.map_or(String::new(), |f| format!("; 99 % of its area has at least {f:.2}"));
+        if self.unit == "1" {
+            return format!(
+                "safety factor of {} {:.2}{below}: largest {of} {:.1} % of the strength of its cloth at {:.4} s{most}",
+                self.part,
+                self.factor,
+                100.0 * self.load,
+                self.time_s
+            );
+        }
         format!(
             "safety factor of {} {bound}{:.2}{below}: largest {of} {each}{:.1} {unit} at {:.4} s, strength {:.1} {unit}{most}",
             self.part,
@@ -247,5 +260,34 @@ mod tests {
         assert!(text.contains("stronger material for [fabric], reinforcement by [tapes]"), "{text}");
         // A program that reports none.
         assert_eq!(SafetyFactor::of(&scene, 4, &history([0.0; 3], [0.0; 3])), []);
+    }
+
+    /// The weakest cloth carries half of its strength at 0.2 s, 99 % of the area a quarter of its own.
+    #[test]
+    fn fabric_of_several_strengths_has_the_factor_of_the_weakest_cloth() {
+        let text = include_str!("../../../cases/atps-descent/scene.toml");
+        let text = text.replacen("[fabric]", "[fabric]\nstrength_n_m = 7000.0", 1);
+        let mut scene = case::parse(Path::new("scene.toml"), &text).unwrap_or_else(|e| panic!("{e}"));
+        let crown = case::FabricGroup { strength_n_m: Some(9000.0), ..case::FabricGroup::default() };
+        let file = "any.msh".into();
+        scene.canopy =
+            case::Canopy::Gmsh(case::GmshCanopy { file, cables: Vec::new(), fabrics: vec![crown] });
+        let named = |name: &str, values: [f64; 3]| (name.to_owned(), values.to_vec());
+        let history = [
+            named("time_s", [0.1, 0.2, 0.3]),
+            named("max_membrane_force_n_m", [4000.0; 3]),
+            named("membrane_force_over_strength", [0.1, 0.5, 0.3]),
+            named("membrane_force_over_strength_99", [0.1, 0.2, 0.25]),
+        ];
+        let found = SafetyFactor::of(&scene, 4, &history);
+        let [fabric] = &found[..] else { panic!("{found:?}") };
+        assert_eq!((fabric.factor, fabric.factor_99, fabric.time_s), (2.0, Some(4.0), 0.2));
+        assert_eq!(
+            fabric.line(),
+            "safety factor of fabric 2.00: largest membrane force 50.0 % of the strength of its cloth at 0.2000 s; 99 % of its area has at \
+             least 4.00"
+        );
+        // A structure that does not report it.
+        assert_eq!(SafetyFactor::of(&scene, 4, &history[..2]), []);
     }
 }

@@ -28,8 +28,8 @@ use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
 use super::step::{AroundCanopy, Cut, OpenWindow, Solution, Start};
 use super::wind_by_height::{Climb, WindByHeight};
+use crate::face_permeability::FacePermeability;
 use crate::handover;
-use crate::physics::Permeability;
 
 /// Residual of the constraints relative to that without pressure jumps, in units of `flow.solver.residual_drop`.
 const TOLERANCE_OF_DROP: f64 = 1e-2;
@@ -54,7 +54,7 @@ pub struct ImmersedParticipant {
     wind: Wind,
     /// What it has more at each height.
     by_height: Option<WindByHeight>,
-    cloth: Option<Permeability>,
+    cloth: FacePermeability,
     sound: f64,
     /// Accepted positions of the canopy in the falling frame, m, and velocities, m/s.
     positions: Vec<Vector3<f64>>,
@@ -247,10 +247,7 @@ impl ImmersedParticipant {
         };
         let stream = Vector3::from(wind.at(0.0)) + excess(by_height.as_ref(), &begin.positions) - begin.frame;
         let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
-        let cloth = scene.fabric.permeability.as_ref().map(|p| {
-            let (a, b) = p.coefficients(air.density_kg_m3);
-            Permeability::new(a, b)
-        });
+        let cloth = FacePermeability::of_scene(scene, &structure, air.density_kg_m3);
         let mut flow = undisturbed(cells, air, tolerance, ranks.clone())?;
         if let Some(shear) = &by_height {
             let far = |z: f64| shear.excess(grid.origin.z + z);
@@ -456,7 +453,7 @@ impl ImmersedParticipant {
             None => Vec::new(),
         };
         let floor = LINEAR_CLOTH * self.flow.settings.density * local.norm_squared();
-        open.set_cloth(self.cloth, &jumps, floor.max(f64::MIN_POSITIVE));
+        open.set_cloth(&self.cloth, &jumps, floor.max(f64::MIN_POSITIVE));
         open.start_from(&mut self.flow, jumps);
         self.open = Some(open);
         Ok(())
@@ -558,6 +555,7 @@ impl Participant for ImmersedParticipant {
             channel::STAGE_ALTITUDE,
             channel::LAYERED_TURBULENCE,
             "fabric.permeability",
+            "canopy.fabric.permeability",
             "coupling.adaptive",
         ];
         if self.moving {

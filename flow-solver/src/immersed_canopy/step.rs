@@ -11,7 +11,7 @@ use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
 use super::wind_by_height::Climb;
-use crate::physics::Permeability;
+use crate::face_permeability::FacePermeability;
 
 /// Sum over the axes of Courant numbers that a step has at most.
 const MAX_COURANT: f64 = 0.4;
@@ -57,11 +57,14 @@ impl Cut {
         }
     }
 
-    /// Sets what passes through the cloth: nothing, or as at the last pressure jumps. `floor`: jump below which the law is linear, Pa.
-    pub fn set_cloth(&mut self, cloth: Option<Permeability>, jumps: &[f64], floor: f64) {
-        for (r, (of_row, area)) in self.faces.rows.permeability.iter_mut().zip(&self.areas).enumerate() {
+    /// Sets what passes through the cloth of the face of each row: nothing, or as at the last pressure jumps. `face_of`: face of each triangle; `floor`:
+    /// jump below which the law is linear, Pa.
+    pub fn set_cloth(&mut self, cloth: &FacePermeability, face_of: &[u32], jumps: &[f64], floor: f64) {
+        for (r, area) in self.areas.iter().enumerate() {
             let jump = jumps.get(r).copied().unwrap_or(0.0).abs().max(floor);
-            *of_row = area * cloth.map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
+            let face = face_of[self.faces.triangle_of(r)] as usize;
+            self.faces.rows.permeability[r] =
+                area * cloth.at(face).map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
         }
     }
 }
@@ -252,10 +255,10 @@ impl OpenWindow {
     }
 
     /// Sets what passes through the cloth at the pressure jumps of the last window ([`Cut::set_cloth`]).
-    pub fn set_cloth(&mut self, cloth: Option<Permeability>, jumps: &[f64], floor: f64) {
+    pub fn set_cloth(&mut self, cloth: &FacePermeability, jumps: &[f64], floor: f64) {
         for step in 0..self.cuts.len() {
             let jumps = self.cuts[step].faces.transfer(&self.cuts[0].faces, jumps);
-            self.cuts[step].set_cloth(cloth, &jumps, floor);
+            self.cuts[step].set_cloth(cloth, &self.face_of, &jumps, floor);
         }
     }
 
@@ -370,6 +373,7 @@ mod tests {
     use immersed::momentum::Momentum;
 
     use super::*;
+    use crate::permeable::Permeability;
 
     /// A window of 0.1 s on cells of 0.1 m: by the Courant number, molecular viscosity and eddy viscosity, alone and together.
     #[test]
@@ -387,5 +391,33 @@ mod tests {
             [(0.3, 0.0), (0.3, 2.0), (0.0, 7.9), (0.0, 8.1)].map(|(c, e)| steps(&inviscid, 0.1, c, e));
         assert_eq!(found, [1, 2, 2, 3]);
         assert_eq!([0.9, 1.1, 5.1].map(|eddies| steps(&viscous, 0.1, 0.0, eddies)), [1, 2, 3]);
+    }
+
+    /// A square of two faces, the first airtight: air passes the rows of the second alone, by its law at the last jump.
+    #[test]
+    fn rows_have_the_permeability_of_their_face() {
+        let axis = || Axis::even(0.0, 1.6, 16);
+        let grid = Grid::new([axis(), axis(), axis()], [Ends::Open([End::Slip; 2]); 3]);
+        let at = |x: f64, y: f64| Vector3::new(x, y, 0.83);
+        let vertices = [at(0.5, 0.5), at(0.8, 0.5), at(1.1, 0.5), at(1.1, 1.1), at(0.8, 1.1), at(0.5, 1.1)];
+        let triangles = [[0u32, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]];
+        let face_of = [0u32, 0, 1, 1];
+        let faces = CutFaces::new(&grid, &vertices, &triangles, 1.0).expect("inside the grid");
+        let transfer = FaceTransfer::new(&grid, &vertices, &triangles, &face_of, &faces).expect("inside");
+        let areas = faces.rows.permeability.clone();
+        let mut cut = Cut { areas: areas.clone(), vertices: vertices.to_vec(), faces, transfer };
+        let cloth = FacePermeability::by_face(vec![None, Some(Permeability::new(100.0, 50.0))]);
+        let jumps = vec![-30.0; areas.len()];
+        cut.set_cloth(&cloth, &face_of, &jumps, 1.0);
+        // 100 v + 50 v^2 = 30.
+        let velocity = -1.0 + 1.6f64.sqrt();
+        let mut rows = [0, 0];
+        for (r, (found, area)) in cut.faces.rows.permeability.iter().zip(&areas).enumerate() {
+            let face = face_of[cut.faces.triangle_of(r)];
+            rows[face as usize] += 1;
+            let exact = if face == 0 { 0.0 } else { area * velocity / 30.0 };
+            assert!((found - exact).abs() < 1e-12 * area, "row {r} on face {face}: {found} {exact}");
+        }
+        assert!(rows[0] > 10 && rows[1] > 10, "{rows:?}");
     }
 }

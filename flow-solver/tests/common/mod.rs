@@ -2,6 +2,7 @@
 #![allow(dead_code)]
 
 use comm::Comm;
+use flow_solver::face_permeability::FacePermeability;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Air, Gas, Isothermal, VELOCITY_DIFFUSION, Viscosity};
@@ -64,10 +65,21 @@ pub fn solver_with_cloth<G: Gas<N>, V: Viscosity, const N: usize>(
     settings: Settings,
     cloth: Option<Permeability>,
 ) -> Solver<G, N> {
+    solver_with_cloths(grid, gas, viscosity, settings, &FacePermeability::uniform(cloth))
+}
+
+/// As [`solver_with_cloth`], each face of the canopy with a cloth of its own.
+pub fn solver_with_cloths<G: Gas<N>, V: Viscosity, const N: usize>(
+    grid: &FlowGrid,
+    gas: G,
+    viscosity: V,
+    settings: Settings,
+    cloths: &FacePermeability,
+) -> Solver<G, N> {
     let faces = FaceTable::new(grid).unwrap();
     let order: Vec<u32> = (0..grid.cells.len() as u32).collect();
     let part = vec![0; grid.cells.len()];
-    let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloth);
+    let topology = Topology::with_cloth(grid, &faces, &part, &order, 0, V::ACTIVE, cloths);
     let nodes = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
     let spatial =
         Spatial { gas, viscosity: viscosity.into(), chi: 1.0 / 3.0, limiter: None, upwind_share: 1.0 };

@@ -1,6 +1,7 @@
 //! Corner cases: air that nothing lets out, steps that viscosity dominates.
 
 use crate::common::{isothermal, settings};
+use flow_solver::face_permeability::FacePermeability;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Gas, Isothermal, Laminar};
@@ -58,7 +59,8 @@ fn regions(grid: &FlowGrid, cloth: Option<Permeability>) -> (usize, Vec<u16>) {
     let faces = FaceTable::new(grid).unwrap();
     let n = grid.cells.len();
     let order: Vec<u32> = (0..n as u32).collect();
-    let t = Topology::with_cloth(grid, &faces, &vec![0; n], &order, 0, true, cloth);
+    let t =
+        Topology::with_cloth(grid, &faces, &vec![0; n], &order, 0, true, &FacePermeability::uniform(cloth));
     (t.n_closed_regions, t.region)
 }
 

@@ -1,6 +1,7 @@
 //! Fabric that lets air through, against its curve of pressure and velocity.
 
-use crate::common::{Noise, at_rest, isothermal, settings, solver_with_cloth};
+use crate::common::{Noise, at_rest, isothermal, settings, solver_with_cloth, solver_with_cloths};
+use flow_solver::face_permeability::FacePermeability;
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::permeable::Permeability;
 use flow_solver::physics::{Gas, IdealGas, Inviscid, Isothermal, Laminar};
@@ -213,4 +214,33 @@ fn infinite_resistance_equals_a_wall() {
     }
     assert!(force[0][2] > 1.0);
     assert!((force[0][2] - force[1][2]).abs() < 1e-12 * force[0][2], "{force:?}");
+}
+
+/// A duct whose cloth has a face of each kind. Each lets pass what the jump on it demands by its own law, to the 1 % that the half cells take of a
+/// velocity that differs along the cloth; no air passes the airtight one. Air leaves that half of the duct beside it.
+#[test]
+fn each_face_has_the_permeability_of_its_cloth() {
+    let laws = [None, Some((100.0, 0.0)), Some((400.0, 0.0)), Some((0.0, 300.0))];
+    let cloths = FacePermeability::by_face(laws.map(|l| l.map(|(a, b)| Permeability::new(a, b))).into());
+    let mut set = settings([0.0, 0.0, 0.5], 1e-5);
+    set.max_iterations = 3000;
+    let grid = duct(16, [Patch::FarField, Patch::Outlet]);
+    let mut s = solver_with_cloths(&grid, Isothermal::new(set.air), Inviscid, set, &cloths);
+    let mut loads = Loads::new(&s);
+    for _ in 0..40 {
+        s.advance(&at_rest(0.2)).unwrap();
+        s.accept(0.2, false);
+    }
+    loads.compute(&s);
+    let faces: Vec<u32> = s.topology.porous_faces.iter().map(|p| p.face).collect();
+    let of_canopy: Vec<u32> = s.topology.canopy_face[1..].to_vec();
+    assert_eq!(faces, of_canopy, "the first face is airtight");
+    for ((a, b), (face, load)) in laws[1..].iter().flatten().zip(faces.iter().zip(&loads.faces[1..])) {
+        let area = f64::from(s.metrics.faces[*face as usize].area[2].abs());
+        let velocity = f64::from(s.face_flux()[*face as usize].mass.abs()) / area / 1.225;
+        let jump = load[0].abs();
+        let law = a * velocity + b * velocity * velocity;
+        println!("a {a}, b {b}: {velocity} m/s, {jump} Pa, by the law {law} Pa");
+        assert!(velocity > 0.1 && (law / jump - 1.0).abs() < 0.01, "{a}, {b}: {jump} Pa, law {law} Pa");
+    }
 }

@@ -41,6 +41,8 @@ def arguments(words):
     add("--fixed-frame", action="store_true", help=text)
     add = parser.add_argument_group("to write a configuration").add_argument
     add("--write-config", type=Path, metavar="SCENE", help="scene for which FILE of --config is written")
+    text = "value that replaces one of the scene (repeatable), as of `ripstop run`"
+    add("--set", action="append", default=[], metavar="KEY=VALUE", help=text)
     add("--only-stage", metavar="NAME", help="one stage instead of all with this role")
     add("--mapping", choices=config.MAPPINGS, default=config.MAPPINGS[0], help=f"default: {config.MAPPINGS[0]}")
     add("--explicit", action="store_true", help="one iteration in each window, for staggered schemes")
@@ -48,6 +50,8 @@ def arguments(words):
     own, left = parser.parse_known_args(words)
     if own.fixed_frame and own.role != "flow":
         parser.error("--fixed-frame is an option of the flow: no structure reads the velocity of the frame")
+    if own.set and own.write_config is None:
+        parser.error("--set belongs to --write-config: a run passes its own scene to the programs")
     own.effects = [key for key in own.effects.split(",") if key]
     return own, left
 
@@ -55,7 +59,7 @@ def arguments(words):
 def write(options):
     """Writes a configuration for each stage of the role."""
     words = ["--scene", str(options.write_config), "--stage", "0", "--session", "-", "--out", ".", "--ranks", "1"]
-    case = Run(words).case()
+    case = Run(words).case(settings=options.set)
     scene = case["scene"]
     stages = [s for s in scene["stage"] if s["kind"] in config.STAGES[options.role]]
     if options.only_stage is not None:

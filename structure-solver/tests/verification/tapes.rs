@@ -93,7 +93,7 @@ fn largest_tension_is_that_of_one_tape_at_each_place() {
         let scene = strip(cells, &format!("{hem}{GRID}"), "");
         let mut d = assembled(&scene);
         let mesh = mesh::structure_mesh(&scene).expect("a mesh");
-        let mut diagnostics = Diagnostics::new(&d.system, &mesh, |_| scene.fabric.thickness_m);
+        let mut diagnostics = Diagnostics::new(&d.system, &mesh, &scene);
         for (i, (u, x)) in d.accepted.u.iter_mut().zip(&d.system.model.reference).enumerate() {
             *u = [0.04, 0.02, 0.0][i % 3] * x;
         }

@@ -37,19 +37,32 @@ static TEXTS: LazyLock<BTreeMap<(&'static str, &'static str), String>> = LazyLoc
     all
 });
 
+/// Keys of `[fabric]` that the whole fabric shares, so that no group of a mesh file has them.
+const SHARED: [&str; 1] = ["wrinkling"];
+
 /// Adds to each section with a `material` the keys that it leaves out. Their place is that of the material's name. A permeability is
 /// added only where the scene has a flow; without one no air passes.
 pub(crate) fn fill(document: &mut DeTable<'_>) {
     let has_flow = document.contains_key("flow");
     for section in ["fabric", "lines", "risers"] {
         if let Some(table) = table_of(document, section) {
-            fill_table(table, section, has_flow);
+            fill_table(table, section, |key| has_flow || key != "permeability");
+        }
+    }
+    let groups = table_of(document, "canopy").and_then(|canopy| canopy.get_mut("fabric"));
+    if let Some(DeValue::Array(groups)) = groups.map(Spanned::get_mut) {
+        for group in groups.iter_mut() {
+            if let DeValue::Table(table) = group.get_mut() {
+                fill_table(table, "fabric", |key| {
+                    (has_flow || key != "permeability") && !SHARED.contains(&key)
+                });
+            }
         }
     }
     if let Some(tapes) = table_of(document, "tapes") {
         for (_, place) in tapes.iter_mut() {
             if let DeValue::Table(table) = place.get_mut() {
-                fill_table(table, "tapes", has_flow);
+                fill_table(table, "tapes", |_| true);
             }
         }
     }
@@ -62,15 +75,15 @@ fn table_of<'a, 'i>(table: &'a mut DeTable<'i>, key: &str) -> Option<&'a mut DeT
     }
 }
 
-/// Adds to `table` the keys that it leaves out and its `material` gives as one of `section`.
-fn fill_table(table: &mut DeTable<'_>, section: &str, has_flow: bool) {
+/// Adds to `table` the keys that it leaves out, its `material` gives as one of `section`, and `may_have` accepts.
+fn fill_table(table: &mut DeTable<'_>, section: &str, may_have: impl Fn(&str) -> bool) {
     let Some(material) = table.get("material") else { return };
     let place = material.span();
     let Some(text) = material.get_ref().as_str().and_then(|name| text(section, name)) else { return };
     let Ok(given) = DeTable::parse(text) else { return };
     for (key, value) in given.into_inner() {
         let name: &str = key.get_ref();
-        if !table.contains_key(name) && (has_flow || name != "permeability") {
+        if !table.contains_key(name) && may_have(name) {
             table.insert(Spanned::new(place.clone(), key.into_inner()), placed(value, &place));
         }
     }

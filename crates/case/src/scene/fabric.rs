@@ -285,7 +285,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         let why = "a moment for each width over curvature in N m: light nylon cloth has 1e-6 to 1e-5, a steel sheet of 1 mm 18";
         c.positive("fabric.bending_stiffness_n_m", stiffness, 1e6, why);
     }
-    strength(f, c);
+    strength(scene, c);
     if f.law == Law::NeoHookean {
         neo_hookean(f, c);
     }
@@ -293,7 +293,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         orthotropic(o, f, c);
     }
     if let Some(p) = &f.permeability {
-        permeability(p, scene, c);
+        permeability("fabric.permeability", p, scene, c);
     }
     if let Some(k) = &f.contact {
         contact(k, c);
@@ -321,12 +321,16 @@ fn cables_alone(canopy: &GmshCanopy, scene: &Scene, c: &mut Check) {
     }
 }
 
-fn strength(f: &Fabric, c: &mut Check) {
+/// What the strength of a fabric is.
+pub(super) const STRENGTH: &str = "a breaking force for each width in N/m: 1 lb/in is 175 N/m";
+
+fn strength(scene: &Scene, c: &mut Check) {
+    let f = &scene.fabric;
     if let Some(strength) = f.strength_n_m {
-        let why = "a breaking force for each width in N/m: 1 lb/in is 175 N/m";
-        c.positive("fabric.strength_n_m", strength, 1e7, why);
+        c.positive("fabric.strength_n_m", strength, 1e7, STRENGTH);
     }
-    safety_factor("fabric", f.safety_factor, f.strength_n_m.is_some(), "strength_n_m", c);
+    let known = f.strength_n_m.is_some() || scene.fabric_groups().iter().any(|g| g.strength_n_m.is_some());
+    safety_factor("fabric", f.safety_factor, known, "strength_n_m", c);
 }
 
 /// Refuses a safety factor below 1 and one without the strength `key` in the same `section`.
@@ -391,8 +395,8 @@ fn orthotropic(o: &Orthotropic, f: &Fabric, c: &mut Check) {
     }
 }
 
-fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
-    let at = "fabric.permeability";
+/// Refuses a permeability in the section `at` that no fabric has.
+pub(super) fn permeability(at: &str, p: &Permeability, scene: &Scene, c: &mut Check) {
     let ways = p.ways();
     if ways.len() != 1 {
         let kinds =
@@ -404,7 +408,7 @@ fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
             "give one of `cloth`, `viscous_pa_s_m` with `inertial_pa_s2_m2`, `cfm_per_ft2`, `points`, `geometric_porosity`",
         );
     }
-    measured(p, c);
+    measured(at, p, c);
     let (a, b) = p.coefficients(scene.flow.as_ref().map_or(1.0, |f| f.density_kg_m3));
     for (key, value) in [("viscous_pa_s_m", p.viscous_pa_s_m), ("inertial_pa_s2_m2", p.inertial_pa_s2_m2)] {
         // Infinity is an airtight fabric.
@@ -425,10 +429,9 @@ fn permeability(p: &Permeability, scene: &Scene, c: &mut Check) {
 }
 
 /// Refuses measured values that no fabric has.
-fn measured(p: &Permeability, c: &mut Check) {
-    let at = "fabric.permeability";
+fn measured(at: &str, p: &Permeability, c: &mut Check) {
     if let Some(cfm) = p.cfm_per_ft2 {
-        let why = "cubic feet a minute through a square foot; an airtight cloth has no [fabric.permeability]";
+        let why = "cubic feet a minute through a square foot; an airtight cloth has no permeability";
         c.positive(&format!("{at}.cfm_per_ft2"), cfm, 5000.0, why);
     }
     if let Some(pressure) = p.at_pressure_pa {

@@ -5,16 +5,19 @@ use std::borrow::Cow;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use super::fabric;
 use crate::check::Check;
-use crate::{Canopy, Fabric, Law, Scene};
+use crate::{Canopy, Fabric, FabricMaterial, Law, Permeability, Scene};
 
 /// Fabric of a physical group of surfaces of the mesh file, with a cloth of its own. A key that is left out is that of `[fabric]`, and so is all that has no
-/// key here: law, wrinkling, prestress, bending, damping, contact, permeability. Surfaces of a group that is not listed are `[fabric]`.
+/// key here: law, wrinkling, prestress, bending, damping, contact. Surfaces of a group that is not listed are `[fabric]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FabricGroup {
     /// Name of the physical group.
     pub group: String,
+    /// Fabric of the library: it gives the keys of this table that the scene leaves out. Absent: those of `[fabric]`.
+    pub material: Option<FabricMaterial>,
     /// Thickness, m. Absent: `fabric.thickness_m`.
     pub thickness_m: Option<f64>,
     /// Density, kg/m3. Absent: `fabric.density_kg_m3`.
@@ -27,6 +30,10 @@ pub struct FabricGroup {
     pub youngs_modulus_2_pa: Option<f64>,
     /// Shear modulus, Pa, in a scene with `[fabric.orthotropic]`. Absent: that of this section.
     pub shear_modulus_pa: Option<f64>,
+    /// Breaking force for each width, N/m. Absent: `fabric.strength_n_m`.
+    pub strength_n_m: Option<f64>,
+    /// Air that passes through. Absent: `[fabric.permeability]`. A group that is airtight where `[fabric]` is not has `viscous_pa_s_m = inf`.
+    pub permeability: Option<Permeability>,
 }
 
 impl FabricGroup {
@@ -41,6 +48,8 @@ impl FabricGroup {
             o.youngs_modulus_2_pa = self.youngs_modulus_2_pa.unwrap_or(o.youngs_modulus_2_pa);
             o.shear_modulus_pa = self.shear_modulus_pa.unwrap_or(o.shear_modulus_pa);
         }
+        own.strength_n_m = self.strength_n_m.or(own.strength_n_m);
+        own.permeability = self.permeability.clone().or(own.permeability);
         own
     }
 }
@@ -52,6 +61,29 @@ impl Scene {
             Canopy::Gmsh(g) => &g.fabrics,
             _ => &[],
         }
+    }
+
+    /// Whether air passes through any fabric.
+    pub fn has_permeable_fabric(&self) -> bool {
+        self.fabric.permeability.is_some() || self.has_permeable_groups()
+    }
+
+    /// Whether groups of a mesh file have a permeability of their own.
+    pub fn has_permeable_groups(&self) -> bool {
+        self.fabric_groups().iter().any(|g| g.permeability.is_some())
+    }
+
+    /// Makes all fabric airtight.
+    pub fn make_airtight(&mut self) {
+        self.fabric.permeability = None;
+        if let Canopy::Gmsh(canopy) = &mut self.canopy {
+            canopy.fabrics.iter_mut().for_each(|g| g.permeability = None);
+        }
+    }
+
+    /// Whether groups of a mesh file have a strength of their own.
+    pub fn has_strengths_by_group(&self) -> bool {
+        self.fabric_groups().iter().any(|g| g.strength_n_m.is_some())
     }
 
     /// Fabric of the group at place `group` among [`Scene::fabric_groups`]; `[fabric]` without one.
@@ -83,6 +115,12 @@ pub(super) fn check(groups: &[FabricGroup], scene: &Scene, c: &mut Check) {
             ("shear_modulus_pa", g.shear_modulus_pa, 1e13, "a modulus in Pa"),
         ] {
             value.iter().for_each(|v| c.positive(&key(name), *v, most, why));
+        }
+        if let Some(strength) = g.strength_n_m {
+            c.positive(&key("strength_n_m"), strength, 1e7, fabric::STRENGTH);
+        }
+        if let Some(p) = &g.permeability {
+            fabric::permeability(&key("permeability"), p, scene, c);
         }
         ratio(g, scene, &key("poisson_ratio"), c);
         if scene.fabric.orthotropic.is_none()

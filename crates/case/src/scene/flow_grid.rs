@@ -247,7 +247,7 @@ pub(super) fn around_one_sided(scene: &Scene, c: &mut Check) {
         return;
     }
     const KEY: &str = "flow.grid_file.one_sided";
-    if scene.fabric.permeability.is_some() {
+    if scene.has_permeable_fabric() {
         c.refuse(
             KEY,
             "air that passes permeable fabric would enter a side without fluid",

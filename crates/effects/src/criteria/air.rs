@@ -26,6 +26,11 @@ pub fn permeability(s: &Scope<'_>) -> Assessment {
         let (a, b) = p.coefficients(s.n.density);
         s.n.leakage(a, b) / s.n.speed
     };
+    if s.scene().has_permeable_groups() {
+        return Assessment::not(
+            "groups of the mesh file have cloths of their own, whose shares of the area are not weighed",
+        );
+    }
     let named = |c: Cloth| Permeability { cloth: Some(c), ..Permeability::default() };
     let (leak, why) = match &s.scene().fabric.permeability {
         Some(p) => (share(p), "through the cloth".to_owned()),
@@ -42,6 +47,11 @@ pub fn permeability(s: &Scope<'_>) -> Assessment {
         &signed(3.0),
         format!("air passes at {} of the speed {why} under {:.1} Pa", percent(leak), s.n.pressure),
     )
+}
+
+/// What passes groups of a mesh file has no criterion: the cloths are part of what is built.
+pub fn permeable_groups(_: &Scope<'_>) -> Assessment {
+    Assessment::not("part of what is built: the cloths of a mesh file are the designer's")
 }
 
 /// Friction on both sides of the canopy, $`2 c_f q A`$ times the square 0.3 of the tangential over the free speed and

@@ -8,7 +8,9 @@ mod air;
 mod descent;
 mod structure;
 
-pub use air::{energy, gust, limiter, permeability, perturbation, shear, steady, turbulence, viscosity};
+pub use air::{
+    energy, gust, limiter, permeability, permeable_groups, perturbation, shear, steady, turbulence, viscosity,
+};
 use case::Scene;
 pub use descent::{body, descent, frame_motion, line_drag, payload_drag, typical_drag_area};
 pub use structure::{

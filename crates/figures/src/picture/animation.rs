@@ -193,6 +193,9 @@ fn fabric(frames: &[Frame]) -> (Legend, Vec<Vec<f64>>) {
         .find(|(_, values)| varies(values))
         .unwrap_or_else(|| ("displacement, m", frames.iter().map(|f| displacement(&f.canopy)).collect()));
     let range = Range::of(values.iter().flatten().copied(), 0.01);
+    // Cables alone have no colour.
+    let coloured = frames.iter().any(|f| f.canopy.n_cells() > 0);
+    let title = if coloured { title } else { "" };
     (Legend { title: title.into(), scale: WARM, range: Range { low: range.low.min(0.0), ..range } }, values)
 }
 

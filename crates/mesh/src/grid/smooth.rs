@@ -25,28 +25,55 @@ struct Corner {
     inverse: [f64; 3],
 }
 
+/// The sum of $`q^2`$ of the corners at a node as a function of its position, to second order.
+#[derive(Default)]
+struct Shape {
+    value: f64,
+    slope: Vec3,
+    second: Mat3,
+}
+
 impl Corner {
-    /// The measure q and its derivatives by the four nodes, where `delta`
-    /// regularises determinants.
-    fn measure(&self, x: &[Point], delta: f64) -> (f64, [Vec3; 4]) {
+    /// $`q^2`$ where `delta` regularises determinants.
+    fn value(&self, x: &[Point], delta: f64) -> f64 {
+        let t = self.edges(x);
+        let square = t[0].dot(&t[0]) + t[1].dot(&t[1]) + t[2].dot(&t[2]);
+        let q = square * Regularised::new(t[0].dot(&t[1].cross(&t[2])), delta).shrink();
+        q * q
+    }
+
+    /// Adds $`q^2`$ with its derivatives by the position of node `own` (0: the corner's, then the ends of its edges).
+    ///
+    /// With respect to one node $`S = |T|^2`$ is quadratic and $`\det T`$ affine, so that with $`g = h^{-2/3} / 3`$, $`g' = -\tfrac23 g / r`$,
+    /// $`r = \sqrt{d^2 + 4 \delta^2}`$,
+    /// ```math
+    /// \nabla q = g \nabla S + S g' c, \qquad
+    /// \nabla^2 q = 2 k g I + g' (\nabla S\, c^T + c\, \nabla S^T) + S g'' c\, c^T, \qquad c = \nabla \det T .
+    /// ```
+    fn add_to(&self, shape: &mut Shape, own: usize, x: &[Point], delta: f64) {
         let t = self.edges(x);
         let square = t[0].dot(&t[0]) + t[1].dot(&t[1]) + t[2].dot(&t[2]);
         let cofactor = [t[1].cross(&t[2]), t[2].cross(&t[0]), t[0].cross(&t[1])];
-        let det = t[0].dot(&cofactor[0]);
-        let root = (det * det + 4.0 * delta * delta).sqrt();
-        // The plain sum cancels for very negative determinants.
-        let h = if det > 0.0 { 0.5 * (det + root) } else { 2.0 * delta * delta / (root - det) };
-        let h = h.max(1e-12);
-        let shrink = 1.0 / (3.0 * h.cbrt() * h.cbrt());
-        let q = square * shrink;
-        let mut d = [Vec3::zeros(); 4];
-        for i in 0..3 {
-            let by_t = t[i] * (2.0 * shrink) - cofactor[i] * (2.0 / 3.0 * q / root.max(1e-12));
-            d[i + 1] = by_t * self.inverse[i];
-            let own = d[i + 1];
-            d[0] -= own;
-        }
-        (q, d)
+        let by_edge =
+            |i: usize| (t[i] * self.inverse[i], cofactor[i] * self.inverse[i], self.inverse[i].powi(2));
+        let (half, c, k) = match own {
+            0 => (0..3).map(by_edge).fold((Vec3::zeros(), Vec3::zeros(), 0.0), |sum, edge| {
+                (sum.0 - edge.0, sum.1 - edge.1, sum.2 + edge.2)
+            }),
+            edge => by_edge(edge - 1),
+        };
+        let det = Regularised::new(t[0].dot(&cofactor[0]), delta);
+        let g = det.shrink();
+        let first = -2.0 / 3.0 * g / det.root;
+        let second = -2.0 / 3.0 * (first - g * det.value / (det.root * det.root)) / det.root;
+        let (q, slope) = (square * g, half * (2.0 * g) + c * (square * first));
+        let cross = half * (2.0 * first);
+        let curvature = Mat3::from_diagonal_element(2.0 * k * g)
+            + cross * c.transpose()
+            + c * (cross + c * (square * second)).transpose();
+        shape.value += q * q;
+        shape.slope += slope * (2.0 * q);
+        shape.second += (slope * slope.transpose() + curvature * q) * 2.0;
     }
 
     /// The three edges over their wanted lengths.
@@ -58,6 +85,27 @@ impl Corner {
     fn determinant(&self, x: &[Point]) -> f64 {
         let t = self.edges(x);
         t[0].dot(&t[1].cross(&t[2]))
+    }
+}
+
+/// A determinant $`d`$ with what keeps it positive: $`r = \sqrt{d^2 + 4 \delta^2}`$ and $`h = (d + r) / 2`$.
+struct Regularised {
+    value: f64,
+    root: f64,
+    h: f64,
+}
+
+impl Regularised {
+    fn new(value: f64, delta: f64) -> Self {
+        let root = (value * value + 4.0 * delta * delta).sqrt().max(1e-12);
+        // The plain sum cancels for very negative determinants.
+        let h = if value > 0.0 { 0.5 * (value + root) } else { 2.0 * delta * delta / (root - value) };
+        Self { value, root, h: h.max(1e-12) }
+    }
+
+    /// $`h^{-2/3} / 3`$.
+    fn shrink(&self) -> f64 {
+        self.h.powf(-2.0 / 3.0) / 3.0
     }
 }
 
@@ -145,72 +193,64 @@ fn corners_of(grid: &FlowGrid, place: &[u32]) -> (Vec<Corner>, Vec<u32>) {
     (corners, cells)
 }
 
+/// A corner at a node.
+#[derive(Clone, Copy, Default)]
+struct AtNode {
+    corner: u32,
+    /// Place of the node among those of the corner.
+    own: u32,
+}
+
 /// Corners at each node that moves, in one list.
 struct Around {
     start: Vec<usize>,
-    list: Vec<u32>,
+    list: Vec<AtNode>,
 }
 
 impl Around {
     fn new(corners: &[Corner], place: &[u32], nodes: usize) -> Self {
-        let places = |c: &Corner| c.nodes.map(|n| place[n as usize]).into_iter().filter(|&p| p != u32::MAX);
+        let places = |c: &Corner| {
+            let all = c.nodes.map(|n| place[n as usize]).into_iter().enumerate();
+            all.filter(|&(_, p)| p != u32::MAX)
+        };
         let mut start = vec![0usize; nodes + 1];
         for c in corners {
-            places(c).for_each(|p| start[p as usize + 1] += 1);
+            places(c).for_each(|(_, p)| start[p as usize + 1] += 1);
         }
         for i in 0..nodes {
             start[i + 1] += start[i];
         }
         let mut fill = start.clone();
-        let mut list = vec![0u32; start[nodes]];
+        let mut list = vec![AtNode::default(); start[nodes]];
         for (i, c) in corners.iter().enumerate() {
-            for p in places(c) {
-                list[fill[p as usize]] = i as u32;
+            for (own, p) in places(c) {
+                list[fill[p as usize]] = AtNode { corner: i as u32, own: own as u32 };
                 fill[p as usize] += 1;
             }
         }
         Self { start, list }
     }
 
-    fn of(&self, i: usize) -> &[u32] {
+    fn of(&self, i: usize) -> &[AtNode] {
         &self.list[self.start[i]..self.start[i + 1]]
     }
 }
 
 /// One damped Newton step of a node; how far it went, over its shortest wanted edge.
-fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[u32], delta: f64) -> f64 {
-    let node = n as u32;
-    let local = |x: &[Point]| {
-        let (mut sum, mut slope) = (0.0, Vec3::zeros());
-        for &c in around {
-            let c = &corners[c as usize];
-            let (q, d) = c.measure(x, delta);
-            let own = c.nodes.iter().position(|&m| m == node).expect("listed at its nodes");
-            sum += q * q;
-            slope += d[own] * (2.0 * q);
-        }
-        (sum, slope)
-    };
-    let inverse = around.iter().flat_map(|&c| corners[c as usize].inverse).fold(0.0, f64::max);
+fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[AtNode], delta: f64) -> f64 {
+    let value =
+        |x: &[Point]| around.iter().map(|at| corners[at.corner as usize].value(x, delta)).sum::<f64>();
+    let inverse = around.iter().flat_map(|at| corners[at.corner as usize].inverse).fold(0.0, f64::max);
     let size = 1.0 / inverse;
     let start = x[n];
-    let (value, slope) = local(x);
-    let steep = slope.norm();
-    if steep * size < 1e-9 * value {
+    let mut shape = Shape::default();
+    for at in around {
+        corners[at.corner as usize].add_to(&mut shape, at.own as usize, x, delta);
+    }
+    let Shape { value: before, slope, second } = shape;
+    if slope.norm() * size < 1e-9 * before {
         return 0.0;
     }
-    // Second derivatives by differences of the slope.
-    let mut second = Mat3::zeros();
-    let h = 1e-4 * size;
-    for a in 0..3 {
-        x[n][a] = start[a] + h;
-        let (_, s) = local(x);
-        x[n] = start;
-        for b in 0..3 {
-            second[(a, b)] = (s[b] - slope[b]) / h;
-        }
-    }
-    let second = 0.5 * (second + second.transpose());
     let eigen = second.symmetric_eigen();
     let largest = eigen.eigenvalues.amax().max(f64::MIN_POSITIVE);
     let mut direction = Vec3::zeros();
@@ -222,11 +262,48 @@ fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[u32], delta:
     let mut step = (size / length).min(1.0);
     for _ in 0..8 {
         x[n] = (start + direction * step).into();
-        if local(x).0 < value {
+        if value(x) < before {
             return step * length * inverse;
         }
         step *= 0.4;
     }
     x[n] = start.into();
     0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Slope and second derivatives against central differences, at each node of a corner, upright and inverted.
+    #[test]
+    fn derivatives_of_the_shape_measure_are_exact() {
+        let upright = vec![[0.1, -0.2, 0.05], [1.2, 0.1, 0.2], [-0.1, 0.8, 0.3], [0.2, 0.1, 1.4]];
+        let mut inverted = upright.clone();
+        inverted[3][2] = -0.3;
+        let corner = Corner { nodes: [0, 1, 2, 3], inverse: [1.0, 1.3, 0.7] };
+        for (mut x, delta) in [(upright, 1e-3), (inverted, 0.2)] {
+            for own in 0..4 {
+                let mut shape = Shape::default();
+                corner.add_to(&mut shape, own, &x, delta);
+                assert!((shape.value - corner.value(&x, delta)).abs() < 1e-14 * shape.value);
+                let h = 1e-5;
+                let scale = shape.second.norm();
+                for a in 0..3 {
+                    let [ahead, behind] = [h, -h].map(|by| {
+                        let kept = x[own];
+                        x[own][a] += by;
+                        let mut at = Shape::default();
+                        corner.add_to(&mut at, own, &x, delta);
+                        x[own] = kept;
+                        at
+                    });
+                    let slope = (ahead.value - behind.value) / (2.0 * h);
+                    assert!((slope - shape.slope[a]).abs() < 1e-8 * scale, "{own}, {a}: {slope}");
+                    let second = (ahead.slope - behind.slope) / (2.0 * h);
+                    assert!((second - shape.second.column(a)).norm() < 1e-7 * scale, "{own}, {a}: {second}");
+                }
+            }
+        }
+    }
 }
