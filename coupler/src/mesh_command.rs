@@ -108,7 +108,12 @@ mod tests {
     #[test]
     fn settings_replace_values_of_the_scene() {
         let scene: PathBuf = concat!(env!("CARGO_MANIFEST_DIR"), "/../cases/square-drop/scene.toml").into();
-        let found = changed(scene.clone(), 0, false, &["canopy.cells=[4, 4]", "coupling.relaxation=0.2"]);
+        let found = changed(
+            scene.clone(),
+            0,
+            false,
+            &["canopy.cells_across=4", "canopy.line_count=8", "coupling.relaxation=0.2"],
+        );
         let found = found.expect("a scene of the repository");
         assert_eq!(found["structure"]["faces"].as_array().map(Vec::len), Some(16));
         assert_eq!(found["scene"]["coupling"]["relaxation"], 0.2);

@@ -5,6 +5,11 @@ use crate::local::LocalGrid;
 /// Largest number of sweeps over all bad cells.
 const SWEEPS: usize = 20;
 
+/// Share of bad cells beyond which the tangle is not local, and sweeps after which the rest is left for smaller increments or the error.
+const LOST: f64 = 0.5;
+/// See [`LOST`].
+const SWEEPS_WHEN_LOST: usize = 2;
+
 /// Moves the free nodes of cells whose scaled Jacobian is below `target`, one node at a time, to maximise the quality
 /// of the worst cell around each by a pattern search. `x`: local positions, flat. Collective.
 ///
@@ -18,6 +23,11 @@ pub fn untangle(grid: &LocalGrid, x: &mut [f64], target: f64) {
         let bad: Vec<u32> =
             patch.cells.iter().copied().filter(|&c| grid.quality(c as usize, x) < target).collect();
         if comm.all(bad.is_empty()) {
+            return;
+        }
+        let mut counts = [bad.len() as f64, grid.cells.len() as f64];
+        comm.sum_slice(&mut counts);
+        if sweep >= SWEEPS_WHEN_LOST && counts[0] > LOST * counts[1] {
             return;
         }
         if sweep > 0 {

@@ -169,7 +169,7 @@ impl StructureSolver {
             log = create_log(&dynamics, scene, stage, out)?;
             reactions = open_reactions(scene, stage, out, false)?;
         }
-        let gauge = Diagnostics::new(&dynamics.system, &mesh, &scene);
+        let gauge = Diagnostics::new(&dynamics.system, &mesh, scene);
         let gravity = scene.resolved().gravity_m_s2;
         let hung_mass = dynamics.system.total_mass() - mesh.payload_point_mass(scene);
         let n = mesh.faces.len();

@@ -44,7 +44,7 @@ fn the_force_on_the_holder_is_the_pull_of_the_line() {
             }
             let body = [0.0, 0.0, weight];
             d.balance_start(NONE, body).expect("masses");
-            let mut gauge = Diagnostics::new(&d.system, &mesh, &scene(BAG, "", STAGE));
+            let mut gauge = Diagnostics::new(&d.system, &mesh, &scene(BAG, "density_kg_m3 = 1e-6", STAGE));
             let mut pull = gauge.measure(&d.system, &d.accepted, NONE).riser_force;
             let (mut worst, mut sum) = (0.0f64, [0.0; 2]);
             for _ in 0..600 {
@@ -76,7 +76,7 @@ fn a_holder_that_is_moved_adds_no_inertia_of_its_own() {
     d.prescribe(&[0], [true; 3], &[0.0, 0.1, 0.2], &[[0.0; 3], [0.0; 3], [0.0, 0.0, 0.1]]);
     let body = [0.0, 0.0, -9.80665];
     d.balance_start(NONE, body).expect("masses");
-    let mut gauge = Diagnostics::new(&d.system, &mesh, &scene(BAG, "", STAGE));
+    let mut gauge = Diagnostics::new(&d.system, &mesh, &scene(BAG, "density_kg_m3 = 1e-6", STAGE));
     let mut pull = gauge.measure(&d.system, &d.accepted, NONE).riser_force;
     let mut most = 0.0f64;
     for window in 0..200 {

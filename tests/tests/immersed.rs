@@ -247,6 +247,8 @@ fn missing_gpu_is_named() {
     let named =
         ["--features flow-solver/gpu", "LD_LIBRARY_PATH", "no GPU"].iter().any(|words| text.contains(words));
     assert!(complete || named, "{text}");
+    let (complete, text) = run("ranks", &["--ranks", "flow=2"]);
+    assert!(!complete && text.contains("a GPU computes the flow of one rank, and --ranks gives 2"), "{text}");
     let (complete, text) = run("two", &["--set", "ranks.flow=2"]);
     assert!(!complete && text.contains("a GPU computes the flow of one rank, and ranks.flow is 2"), "{text}");
 }

@@ -55,6 +55,12 @@ pub fn prepare(options: &RunOptions) -> Result<Prepared, RunError> {
     for (role, ranks) in &options.ranks {
         *scene.ranks.of_mut(*role) = *ranks;
     }
+    if scene.flow_on_gpu() && scene.ranks.flow > 1 {
+        return Err(RunError::Input(format!(
+            "a GPU computes the flow of one rank, and --ranks gives {} to the flow: leave it out, or set flow.immersed.device to \"cpu\"",
+            scene.ranks.flow
+        )));
+    }
     scene.programs.extend(options.programs.iter().cloned());
     let interface = CanopyInterface::new(&scene)?;
     let first = match &options.stage {

@@ -236,7 +236,7 @@ fn each_face_has_the_permeability_of_its_cloth() {
     let of_canopy: Vec<u32> = s.topology.canopy_face[1..].to_vec();
     assert_eq!(faces, of_canopy, "the first face is airtight");
     for ((a, b), (face, load)) in laws[1..].iter().flatten().zip(faces.iter().zip(&loads.faces[1..])) {
-        let area = f64::from(s.metrics.faces[*face as usize].area[2].abs());
+        let area = s.metrics.faces[*face as usize].area[2].abs();
         let velocity = f64::from(s.face_flux()[*face as usize].mass.abs()) / area / 1.225;
         let jump = load[0].abs();
         let law = a * velocity + b * velocity * velocity;

@@ -64,6 +64,13 @@ fn growth() -> f64 {
     1.2
 }
 
+impl Scene {
+    /// Whether a GPU computes the steps of the immersed flow.
+    pub fn flow_on_gpu(&self) -> bool {
+        self.flow.as_ref().and_then(|f| f.immersed.as_ref()).is_some_and(|g| g.device == FlowDevice::Gpu)
+    }
+}
+
 /// Refuses sizes that make no grid, and effects that this method does not have.
 pub(super) fn check(scene: &Scene, c: &mut Check) {
     let Some(flow) = &scene.flow else { return };
@@ -74,7 +81,7 @@ pub(super) fn check(scene: &Scene, c: &mut Check) {
     c.range("flow.immersed.far_field", g.far_field, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.far_wake", g.far_wake, 0.5..=100.0, "in largest extents of the canopy");
     c.range("flow.immersed.growth", g.growth, 1.01..=1.5, "a ratio");
-    if g.device == FlowDevice::Gpu && scene.ranks.of(Role::Flow) > 1 {
+    if scene.flow_on_gpu() && scene.ranks.of(Role::Flow) > 1 {
         c.refuse(
             "flow.immersed.device",
             format!("a GPU computes the flow of one rank, and ranks.flow is {}", scene.ranks.of(Role::Flow)),

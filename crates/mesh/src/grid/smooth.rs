@@ -248,7 +248,9 @@ fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[AtNode], del
         corners[at.corner as usize].add_to(&mut shape, at.own as usize, x, delta);
     }
     let Shape { value: before, slope, second } = shape;
-    if slope.norm() * size < 1e-9 * before {
+    // Positions of extreme size overflow; the search for eigenvalues would not end.
+    let finite = before.is_finite() && slope.norm().is_finite() && second.norm().is_finite();
+    if !finite || slope.norm() * size < 1e-9 * before {
         return 0.0;
     }
     let eigen = second.symmetric_eigen();
@@ -274,6 +276,19 @@ fn improve(x: &mut [Point], n: usize, corners: &[Corner], around: &[AtNode], del
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Positions whose squares overflow stay, and the smoothing ends.
+    #[test]
+    fn extreme_positions_stay() {
+        for far in [1e60, 1e120, 1e200, f64::NAN] {
+            let mut x = vec![[0.0; 3], [far, 0.0, 0.0], [0.0, far, 0.0], [0.0, 0.0, far]];
+            let before = format!("{:?}", x[0]);
+            let corners = [Corner { nodes: [0, 1, 2, 3], inverse: [1.0; 3] }];
+            let moved = improve(&mut x, 0, &corners, &[AtNode { corner: 0, own: 0 }], 1e-3);
+            assert!(moved.is_finite(), "{far}: {moved}");
+            assert!(far < 1e100 || format!("{:?}", x[0]) == before, "{far}: {x:?}");
+        }
+    }
 
     /// Slope and second derivatives against central differences, at each node of a corner, upright and inverted.
     #[test]
