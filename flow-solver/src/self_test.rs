@@ -82,6 +82,21 @@ fn data(
     BoundaryValues::new(&inlets, &outlets, &walls, grid, faces, topology).map_err(Fault::new)
 }
 
+fn settings() -> Settings {
+    Settings {
+        air: Air::new(1.225, 288.15),
+        wind: Vec3::new(0.5, 0.0, 4.0),
+        residual_drop: 1e-11,
+        repeated_drop: 1e-11,
+        max_iterations: 80,
+        method: Method::PressureCorrection { depth: 8 },
+        reference_speed: 0.4,
+        velocity_diffusion: crate::physics::VELOCITY_DIFFUSION,
+        ambient_pressure: 0.0,
+        moving: true,
+    }
+}
+
 fn run<V: Viscosity>(
     comm: &Comm,
     file: &Path,
@@ -94,19 +109,8 @@ fn run<V: Viscosity>(
     let faces = FaceTable::new(&grid).map_err(Fault::new)?;
     let topology = partitioned(&grid, &faces, comm, true, &FacePermeability::uniform(cloth))?;
     let start: Vec<Vec3> = topology.node_global.iter().map(|&n| grid.coords[n as usize].into()).collect();
-    let air = Air::new(1.225, 288.15);
-    let settings = Settings {
-        air,
-        wind: Vec3::new(0.5, 0.0, 4.0),
-        residual_drop: 1e-11,
-        repeated_drop: 1e-11,
-        max_iterations: 80,
-        method: Method::PressureCorrection { depth: 8 },
-        reference_speed: 0.4,
-        velocity_diffusion: crate::physics::VELOCITY_DIFFUSION,
-        ambient_pressure: 0.0,
-        moving: true,
-    };
+    let settings = settings();
+    let air = settings.air;
     let (gas, viscosity) = (Isothermal::new(air), viscosity.into());
     let spatial = Spatial { gas, viscosity, chi: 1.0 / 3.0, limiter: None, upwind_share: 0.0 };
     let mut solver = Solver::new(comm, topology, start.clone(), spatial, settings).map_err(Fault::new)?;

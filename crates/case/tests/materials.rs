@@ -285,3 +285,49 @@ fn permeability_is_given_in_exactly_one_way() {
         assert!(error.contains(message), "{keys}: {error}");
     }
 }
+
+/// A plate from a Gmsh file in air, with these groups of cloth and keys of `[fabric]`.
+fn plate(groups: &str, fabric: &str) -> Scene {
+    const PLATE: &str = include_str!("../../../cases/plate-gmsh/scene.toml");
+    let text = PLATE.replacen("\n[fabric]\n", &format!("\n{groups}\n[fabric]\n{fabric}\n"), 1);
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../cases/plate-gmsh/scene.toml");
+    case::parse(&file, &text).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// A group has what the library says of its material, its own keys before that, and nothing of the other cloth that the library does not know.
+#[test]
+fn group_of_a_mesh_file_has_its_own_material() {
+    let [known, unknown] = [true, false].map(|passes| {
+        let has = |m: &FabricMaterial| m.entry().values.iter().any(|v| v.key.starts_with("permeability"));
+        FabricMaterial::ALL.into_iter().find(|m| has(m) == passes).expect("both kinds")
+    });
+    let groups = format!(
+        "[[canopy.fabric]]\ngroup = \"a\"\nmaterial = \"{}\"\nthickness_m = 9e-5\n[[canopy.fabric]]\ngroup = \"b\"\nmaterial = \"{}\"\n\
+         [[canopy.fabric]]\ngroup = \"c\"\ndensity_kg_m3 = 900.0\n",
+        known.name(),
+        unknown.name()
+    );
+    let fabric = "strength_n_m = 1234.0\npermeability = { cfm_per_ft2 = 77.0 }\n\
+                  orthotropic = { youngs_modulus_2_pa = 1e8, shear_modulus_pa = 1e6 }";
+    let scene = plate(&groups, fabric);
+    let [a, b, c] = [0, 1, 2].map(|k| scene.fabric_of(Some(k)));
+    let entry = known.entry();
+    assert_eq!(Some(a.youngs_modulus_pa), entry.get("youngs_modulus_pa"));
+    assert_eq!((a.thickness_m, a.strength_n_m), (9e-5, entry.get("strength_n_m")));
+    assert!(a.permeability.is_some() && a.permeability != scene.fabric.permeability, "{a:?}");
+    assert_eq!((b.permeability.as_ref(), b.strength_n_m), (None, unknown.entry().get("strength_n_m")));
+    let bias = |f: &case::Fabric| {
+        let o = f.orthotropic.as_ref().expect("warp and weft");
+        [o.youngs_modulus_2_pa, o.shear_modulus_pa]
+    };
+    for f in [&a, &b] {
+        let isotropic = [f.youngs_modulus_pa, 0.5 * f.youngs_modulus_pa / (1.0 + f.poisson_ratio)];
+        assert_eq!(bias(f), isotropic);
+    }
+    assert_eq!((c.density_kg_m3, bias(&c)), (900.0, [1e8, 1e6]));
+    assert_eq!((c.strength_n_m, &c.permeability), (Some(1234.0), &scene.fabric.permeability));
+    assert!(scene.has_permeable_groups() && scene.has_strengths_by_group());
+    // What equals [fabric] is no cloth of its own.
+    let same = plate("[[canopy.fabric]]\ngroup = \"c\"\nstrength_n_m = 1234.0\n", fabric);
+    assert!(!same.has_permeable_groups() && !same.has_strengths_by_group() && same.has_permeable_fabric());
+}

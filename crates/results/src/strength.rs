@@ -123,6 +123,10 @@ impl SafetyFactor {
 
     /// The warning of a part that carries more than its strength in a stage.
     pub fn warning(&self, stage: &str) -> Option<String> {
+        let of = match self.unit.as_str() {
+            "1" => "[fabric] or its group of [[canopy.fabric]]".into(),
+            _ => format!("[{}]", self.part),
+        };
         let more = match self.part.as_str() {
             "fabric" => "reinforcement by [tapes]",
             "lines" | "risers" => "more lines",
@@ -130,10 +134,9 @@ impl SafetyFactor {
         };
         (self.factor < 1.0).then(|| {
             format!(
-                "stage `{stage}`: {} [{CHECK}]. Nothing breaks in the run. Remedy: choose a stronger material for [{}], {more}, or a slower \
+                "stage `{stage}`: {} [{CHECK}]. Nothing breaks in the run. Remedy: choose a stronger material for {of}, {more}, or a slower \
                  opening",
-                self.line(),
-                self.part
+                self.line()
             )
         })
     }
@@ -286,6 +289,11 @@ mod tests {
             fabric.line(),
             "safety factor of fabric 2.00: largest membrane force 50.0 % of the strength of its cloth at 0.2000 s; 99 % of its area has at \
              least 4.00"
+        );
+        let torn = SafetyFactor { factor: 0.9, ..fabric.clone() }.warning("opening").expect("a warning");
+        assert!(
+            torn.contains("stronger material for [fabric] or its group of [[canopy.fabric]], "),
+            "{torn}"
         );
         // A structure that does not report it.
         assert_eq!(SafetyFactor::of(&scene, 4, &history[..2]), []);

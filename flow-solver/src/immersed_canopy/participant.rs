@@ -203,6 +203,15 @@ fn gpu() -> Result<Rc<dyn Device>, Fault> {
     ))
 }
 
+/// Tolerance of the solves of a stage: what coupling iterations bring needs a smaller one.
+fn tolerance(scene: &Scene, air: &case::Flow, kind: StageKind) -> f64 {
+    let drop = TOLERANCE_OF_DROP * air.solver.residual_drop;
+    match kind {
+        StageKind::Coupled => drop.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
+        _ => drop,
+    }
+}
+
 /// Of a flow that is solved to `tolerance`.
 fn settings(air: &case::Flow, tolerance: f64) -> Settings {
     let density = air.density_kg_m3;
@@ -239,12 +248,8 @@ impl ImmersedParticipant {
             Some(shear) => wind.with_steady(shear.base().into()),
             None => wind,
         };
-        let plan = &scene.stages[stage];
-        let drop = TOLERANCE_OF_DROP * air.solver.residual_drop;
-        let tolerance = match plan.kind {
-            StageKind::Coupled => drop.min(TOLERANCE_OF_COUPLING * scene.coupling.tolerance),
-            _ => drop,
-        };
+        let kind = scene.stages[stage].kind;
+        let tolerance = tolerance(scene, air, kind);
         let stream = Vector3::from(wind.at(0.0)) + excess(by_height.as_ref(), &begin.positions) - begin.frame;
         let (grid, cells) = MovingGrid::around(sizes, &begin.positions, stream).map_err(Fault::new)?;
         let cloth = FacePermeability::of_scene(scene, &structure, air.density_kg_m3);
@@ -262,7 +267,7 @@ impl ImmersedParticipant {
             surface,
             structure,
             grid,
-            moving: plan.kind != StageKind::FlowOnly,
+            moving: kind != StageKind::FlowOnly,
             wind,
             by_height,
             cloth,

@@ -56,11 +56,15 @@ fn closed_cavity_conserves_its_mass_in_long_steps() {
 
 /// Closed regions of a grid with a canopy, and the regions of its cells.
 fn regions(grid: &FlowGrid, cloth: Option<Permeability>) -> (usize, Vec<u16>) {
+    regions_by_face(grid, &FacePermeability::uniform(cloth))
+}
+
+/// As [`regions`], each face of the canopy with a cloth of its own.
+fn regions_by_face(grid: &FlowGrid, cloths: &FacePermeability) -> (usize, Vec<u16>) {
     let faces = FaceTable::new(grid).unwrap();
     let n = grid.cells.len();
     let order: Vec<u32> = (0..n as u32).collect();
-    let t =
-        Topology::with_cloth(grid, &faces, &vec![0; n], &order, 0, true, &FacePermeability::uniform(cloth));
+    let t = Topology::with_cloth(grid, &faces, &vec![0; n], &order, 0, true, cloths);
     (t.n_closed_regions, t.region)
 }
 
@@ -78,6 +82,14 @@ fn closed_regions_are_those_that_no_air_enters() {
     assert_eq!(closed, 1);
     let (closed, _) = regions(&divided(Patch::Outlet), Some(Permeability::new(100.0, 10.0)));
     assert_eq!(closed, 0);
+    // One permeable face among airtight ones opens the region.
+    let mut cloths = vec![None; 16];
+    for (top, open) in [(Patch::Outlet, 0), (Patch::Slip, 1)] {
+        cloths[5] = Some(Permeability::new(100.0, 10.0));
+        assert_eq!(regions_by_face(&divided(top), &FacePermeability::by_face(cloths.clone())).0, open);
+        cloths[5] = None;
+        assert_eq!(regions_by_face(&divided(top), &FacePermeability::by_face(cloths.clone())).0, open + 1);
+    }
 }
 
 /// Iterations of each of five steps after an impulsive start, all converged.

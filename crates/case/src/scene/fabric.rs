@@ -329,7 +329,7 @@ fn strength(scene: &Scene, c: &mut Check) {
     if let Some(strength) = f.strength_n_m {
         c.positive("fabric.strength_n_m", strength, 1e7, STRENGTH);
     }
-    let known = f.strength_n_m.is_some() || scene.fabric_groups().iter().any(|g| g.strength_n_m.is_some());
+    let known = f.strength_n_m.is_some() || scene.has_strengths_by_group();
     safety_factor("fabric", f.safety_factor, known, "strength_n_m", c);
 }
 

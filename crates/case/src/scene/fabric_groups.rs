@@ -16,7 +16,8 @@ use crate::{Canopy, Fabric, FabricMaterial, Law, Permeability, Scene};
 pub struct FabricGroup {
     /// Name of the physical group.
     pub group: String,
-    /// Fabric of the library: it gives the keys of this table that the scene leaves out. Absent: those of `[fabric]`.
+    /// Fabric of the library: it gives the keys of this table that the scene leaves out; where the library has no strength or permeability of it, the group has
+    /// none, and weft and bias follow from its own modulus and ratio. Absent: those of `[fabric]`.
     pub material: Option<FabricMaterial>,
     /// Thickness, m. Absent: `fabric.thickness_m`.
     pub thickness_m: Option<f64>,
@@ -30,9 +31,9 @@ pub struct FabricGroup {
     pub youngs_modulus_2_pa: Option<f64>,
     /// Shear modulus, Pa, in a scene with `[fabric.orthotropic]`. Absent: that of this section.
     pub shear_modulus_pa: Option<f64>,
-    /// Breaking force for each width, N/m. Absent: `fabric.strength_n_m`.
+    /// Breaking force for each width, N/m. Absent: that of `material`, else `fabric.strength_n_m`.
     pub strength_n_m: Option<f64>,
-    /// Air that passes through. Absent: `[fabric.permeability]`. A group that is airtight where `[fabric]` is not has `viscous_pa_s_m = inf`.
+    /// Air that passes through. Absent: that of `material`, else `[fabric.permeability]`. A group that is airtight where `[fabric]` is not has `viscous_pa_s_m = inf`.
     pub permeability: Option<Permeability>,
 }
 
@@ -44,6 +45,14 @@ impl FabricGroup {
         own.density_kg_m3 = self.density_kg_m3.unwrap_or(own.density_kg_m3);
         own.youngs_modulus_pa = self.youngs_modulus_pa.unwrap_or(own.youngs_modulus_pa);
         own.poisson_ratio = self.poisson_ratio.unwrap_or(own.poisson_ratio);
+        if self.material.is_some() {
+            // What the library does not know of this cloth is not that of another one.
+            (own.strength_n_m, own.permeability) = (None, None);
+            if let Some(o) = &mut own.orthotropic {
+                o.youngs_modulus_2_pa = own.youngs_modulus_pa;
+                o.shear_modulus_pa = 0.5 * own.youngs_modulus_pa / (1.0 + own.poisson_ratio);
+            }
+        }
         if let Some(o) = &mut own.orthotropic {
             o.youngs_modulus_2_pa = self.youngs_modulus_2_pa.unwrap_or(o.youngs_modulus_2_pa);
             o.shear_modulus_pa = self.shear_modulus_pa.unwrap_or(o.shear_modulus_pa);
@@ -68,9 +77,9 @@ impl Scene {
         self.fabric.permeability.is_some() || self.has_permeable_groups()
     }
 
-    /// Whether groups of a mesh file have a permeability of their own.
+    /// Whether groups of a mesh file have another permeability than `[fabric]`.
     pub fn has_permeable_groups(&self) -> bool {
-        self.fabric_groups().iter().any(|g| g.permeability.is_some())
+        self.fabric_groups().iter().any(|g| g.of(&self.fabric).permeability != self.fabric.permeability)
     }
 
     /// Makes all fabric airtight.
@@ -81,9 +90,9 @@ impl Scene {
         }
     }
 
-    /// Whether groups of a mesh file have a strength of their own.
+    /// Whether groups of a mesh file have another strength than `[fabric]`, or none where it has one.
     pub fn has_strengths_by_group(&self) -> bool {
-        self.fabric_groups().iter().any(|g| g.strength_n_m.is_some())
+        self.fabric_groups().iter().any(|g| g.of(&self.fabric).strength_n_m != self.fabric.strength_n_m)
     }
 
     /// Fabric of the group at place `group` among [`Scene::fabric_groups`]; `[fabric]` without one.
