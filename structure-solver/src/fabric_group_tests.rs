@@ -133,3 +133,26 @@ fn compare(d: &mut Dynamics, s: &Scene, mesh: &mesh::StructureMesh) {
         assert!((stress * thickness * WIDTH / force - 1.0).abs() < 1e-8, "{stress} {:?}", t.fabric);
     }
 }
+
+/// One of 200 faces has a strength: the quantile is over its area alone.
+#[test]
+fn quantile_is_that_of_cloth_with_a_strength() {
+    let mut s = scene("");
+    let case::Canopy::Panel(panel) = &mut s.canopy else { panic!("a panel") };
+    panel.cells = [200, 1];
+    let mut mesh = mesh::structure_mesh(&s).expect("a mesh");
+    let group = FabricGroup { strength_n_m: Some(STRENGTH), ..FabricGroup::default() };
+    let file = "any.msh".into();
+    s.canopy = case::Canopy::Gmsh(GmshCanopy { file, cables: Vec::new(), fabrics: vec![group] });
+    mesh.face_fabric = (0..200).map(|face| (face == 57).then_some(0)).collect();
+    let mesh = Rc::new(mesh);
+    let mut d = assemble::dynamics(&Comm::solo(), &s, 0, &mesh).expect("a structure");
+    for (i, (u, x)) in d.accepted.u.iter_mut().zip(&d.system.model.reference).enumerate() {
+        *u = if i % 3 == 0 { 0.1 * x } else { 0.0 };
+    }
+    let load = FaceLoad { pressure: &vec![0.0; d.system.model.n_faces], traction: &[] };
+    let m = Diagnostics::new(&d.system, &mesh, &s).measure(&d.system, &d.accepted, load);
+    let share = pull(STIFFNESS[0], 1.1) / (WIDTH * STRENGTH);
+    assert!((m.max_force_over_strength / share - 1.0).abs() < 1e-8, "{m:?}");
+    assert!((m.force_over_strength_99 / share - 1.0).abs() < 1e-3, "{m:?}");
+}

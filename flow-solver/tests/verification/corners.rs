@@ -82,13 +82,20 @@ fn closed_regions_are_those_that_no_air_enters() {
     assert_eq!(closed, 1);
     let (closed, _) = regions(&divided(Patch::Outlet), Some(Permeability::new(100.0, 10.0)));
     assert_eq!(closed, 0);
-    // One permeable face among airtight ones opens the region.
-    let mut cloths = vec![None; 16];
-    for (top, open) in [(Patch::Outlet, 0), (Patch::Slip, 1)] {
-        cloths[5] = Some(Permeability::new(100.0, 10.0));
-        assert_eq!(regions_by_face(&divided(top), &FacePermeability::by_face(cloths.clone())).0, open);
-        cloths[5] = None;
-        assert_eq!(regions_by_face(&divided(top), &FacePermeability::by_face(cloths.clone())).0, open + 1);
+    // A second wall above the first: air passes one face of either, and not the other wall.
+    for (top, closed) in [(Patch::Slip, [3, 2, 2]), (Patch::Outlet, [2, 1, 1])] {
+        let mut grid = divided(top);
+        let above = |n: u32| n + 25;
+        grid.canopy_faces.extend_from_within(..);
+        grid.canopy_faces[16..].iter_mut().for_each(|face| *face = face.map(above));
+        grid.canopy_nodes.extend_from_within(..);
+        grid.canopy_nodes[25..].iter_mut().for_each(|node| *node = above(*node));
+        let found = [None, Some(5), Some(21)].map(|open| {
+            let mut cloths = vec![None; 32];
+            open.iter().for_each(|&face: &usize| cloths[face] = Some(Permeability::new(100.0, 10.0)));
+            regions_by_face(&grid, &FacePermeability::by_face(cloths)).0
+        });
+        assert_eq!(found, closed);
     }
 }
 
