@@ -9,13 +9,14 @@ use mesh::{CableKind, MeshError, StructureMesh};
 use crate::dynamics::{Dynamics, DynamicsParams};
 use crate::elements::air::Cylinder;
 use crate::elements::cable::{self, CableLaw, TensionOnly, TwoWay};
-use crate::elements::hysteresis::{self, Hysteresis};
+use crate::elements::hysteresis::Hysteresis;
 use crate::elements::mass::MassMatrix;
 use crate::elements::reefing::Schedule;
 use crate::loops::{Contact, ContactLaw, ElementLoop, Elements};
+use crate::materials::slider::{self, Friction};
 use crate::materials::{
-    Elastic, KelvinVoigt, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField, Prestressed,
-    StVenantKirchhoff, TensionField, Viscous,
+    Elastic, Hysteretic, KelvinVoigt, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField,
+    Prestressed, StVenantKirchhoff, StepLaw, TensionField, Viscous,
 };
 use crate::model::{CableElement, Model, ModelError, Surface, Warp};
 use crate::newton::NewtonParams;
@@ -35,6 +36,11 @@ fn damping(stage: &Stage, of_material: f64) -> f64 {
     stage.stiffness_damping_s + if stage.solve == Solve::Static { 0.0 } else { of_material }
 }
 
+/// Limit over elastic stress of the sliders of a material that takes the share `loss` of the work of stretching; a static shape has none.
+fn friction(stage: &Stage, loss: Option<f64>) -> f64 {
+    slider::friction(loss.filter(|_| stage.solve != Solve::Static).unwrap_or(0.0))
+}
+
 type Loops = Vec<Box<dyn ElementLoop>>;
 
 /// The element loops that the scene's effects call for in a stage. Retardation times of stage and material add up.
@@ -44,7 +50,9 @@ fn loops(scene: &Scene, stage: usize, model: &Model) -> Result<Loops, ModelError
     for group in cloths(scene) {
         let fabric = scene.fabric_of(group);
         let quads = scene.structure.membrane == Membrane::Quadrilateral;
-        membranes(&Cloth { fabric: &fabric, group, quads, damping }, model, &mut all);
+        let friction = friction(&scene.stages[stage], fabric.hysteresis);
+        let explicit = scene.structure.integration == Integration::Explicit;
+        membranes(&Cloth { fabric: &fabric, group, quads, damping, friction, explicit }, model, &mut all);
     }
     if let Some(stiffness) = scene.fabric.bending_stiffness_n_m {
         all.push(Box::new(Elements::bending(model, stiffness)));
@@ -70,12 +78,17 @@ struct Cloth<'a> {
     quads: bool,
     /// Retardation time, s.
     damping: f64,
+    /// Limit of the sliders over the elastic stress; 0: no hysteresis.
+    friction: f64,
+    /// Steps are central differences.
+    explicit: bool,
 }
 
-/// The fabric's material: one line for each law.
+/// The fabric's material: one line for each law. Loaded for the first time, elastic law and slider have the moduli of the fabric.
 fn membranes(cloth: &Cloth<'_>, model: &Model, all: &mut Loops) {
     let f = cloth.fabric;
-    let (y, nu) = (f.youngs_modulus_pa, f.poisson_ratio);
+    let elastic = 1.0 / (1.0 + cloth.friction);
+    let (y, nu) = (elastic * f.youngs_modulus_pa, f.poisson_ratio);
     match (f.law, &f.orthotropic, f.wrinkling) {
         (Law::NeoHookean, _, true) => cloth.elements(model, NeoHookeanTensionField::new(y), all),
         (Law::NeoHookean, _, false) => cloth.elements(model, NeoHookean::new(y), all),
@@ -84,11 +97,21 @@ fn membranes(cloth: &Cloth<'_>, model: &Model, all: &mut Loops) {
             cloth.prestressed(model, StVenantKirchhoff::isotropic(y, nu), all);
         }
         (Law::StVenantKirchhoff, Some(o), true) => {
-            let law = OrthotropicTensionField::new(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            let law = OrthotropicTensionField::new(
+                y,
+                elastic * o.youngs_modulus_2_pa,
+                nu,
+                elastic * o.shear_modulus_pa,
+            );
             cloth.prestressed(model, law, all);
         }
         (Law::StVenantKirchhoff, Some(o), false) => {
-            let law = StVenantKirchhoff::orthotropic(y, o.youngs_modulus_2_pa, nu, o.shear_modulus_pa);
+            let law = StVenantKirchhoff::orthotropic(
+                y,
+                elastic * o.youngs_modulus_2_pa,
+                nu,
+                elastic * o.shear_modulus_pa,
+            );
             cloth.prestressed(model, law, all);
         }
     }
@@ -96,8 +119,8 @@ fn membranes(cloth: &Cloth<'_>, model: &Model, all: &mut Loops) {
 
 impl Cloth<'_> {
     /// A law that is linear where it is taut, about the fabric's prestress.
-    fn prestressed(&self, model: &Model, law: impl Material, all: &mut Loops) {
-        let prestress = self.fabric.prestress_pa;
+    fn prestressed(&self, model: &Model, law: impl Material + Copy, all: &mut Loops) {
+        let prestress = self.fabric.prestress_pa / (1.0 + self.friction);
         if prestress > 0.0 {
             self.elements(model, Prestressed::new(law, prestress), all);
         } else {
@@ -105,37 +128,42 @@ impl Cloth<'_> {
         }
     }
 
-    fn elements(&self, model: &Model, law: impl Material, all: &mut Loops) {
+    fn elements(&self, model: &Model, law: impl Material + Copy, all: &mut Loops) {
+        let own = |group: Option<u16>| group == self.group;
+        match (self.friction > 0.0, self.quads && self.damping > 0.0) {
+            (true, _) => {
+                let hysteretic = Hysteretic::new(law, self.friction);
+                self.push(model, if self.explicit { hysteretic.explicit() } else { hysteretic }, all);
+            }
+            (false, true) => self.push(model, KelvinVoigt::new(law, self.damping), all),
+            (false, false) => self.push(model, Elastic(law), all),
+        }
+        if !self.quads && model.split_faces.iter().any(|f| own(f.fabric)) {
+            let f = self.fabric;
+            all.push(Box::new(Elements::bent_faces_of(model, own, f.thickness_m, f.density_kg_m3)));
+        }
+        // One element has law and damping where that costs less.
+        if self.damping > 0.0 && !(self.quads && self.friction == 0.0) {
+            self.push(model, Viscous::new(law, self.damping), all);
+        }
+    }
+
+    /// Elements of one law.
+    fn push(&self, model: &Model, law: impl StepLaw, all: &mut Loops) {
         let (thickness, density) = (self.fabric.thickness_m, self.fabric.density_kg_m3);
         let own = |group: Option<u16>| group == self.group;
-        match (self.quads, self.damping > 0.0) {
-            (true, false) => {
-                all.push(Box::new(Elements::quads_of(model, own, Elastic(law), thickness, density)));
-            }
-            (true, true) => {
-                let law = KelvinVoigt::new(law, self.damping);
-                all.push(Box::new(Elements::quads_of(model, own, law, thickness, density)));
-            }
-            (false, damped) => {
-                all.push(Box::new(Elements::triangles_of(model, own, Elastic(law), thickness, density)));
-                if model.split_faces.iter().any(|f| own(f.fabric)) {
-                    all.push(Box::new(Elements::bent_faces_of(model, own, thickness, density)));
-                }
-                if damped {
-                    let law = Viscous::new(law, self.damping);
-                    all.push(Box::new(Elements::triangles_of(model, own, law, thickness, density)));
-                }
-            }
-        }
+        all.push(if self.quads {
+            Box::new(Elements::quads_of(model, own, law, thickness, density))
+        } else {
+            Box::new(Elements::triangles_of(model, own, law, thickness, density))
+        });
     }
 }
 
 /// Elements of lines, risers and tapes: one loop for each section. A static shape has no hysteresis.
 fn cables(scene: &Scene, stage: usize, model: &Model, all: &mut Loops) {
     let (stage, explicit) = (&scene.stages[stage], scene.structure.integration == Integration::Explicit);
-    let friction = |share: Option<f64>| {
-        hysteresis::friction(share.filter(|_| stage.solve != Solve::Static).unwrap_or(0.0))
-    };
+    let friction = |loss| friction(stage, loss);
     let own_risers = scene.risers.is_some();
     if let Some(l) = &scene.lines {
         let section = CableSection {
@@ -235,9 +263,9 @@ impl CableSection {
         all: &mut Loops,
     ) {
         if self.friction > 0.0 {
-            let youngs_modulus = self.youngs_modulus / (1.0 + self.friction);
-            let slider = Hysteresis::new(law, youngs_modulus, self.offset, self.friction);
-            let slider = if self.explicit { slider.explicit() } else { slider };
+            let friction = Friction::new(self.friction, self.youngs_modulus / (1.0 + self.friction));
+            let friction = if self.explicit { friction.explicit() } else { friction };
+            let slider = Hysteresis::new(law, self.offset, friction);
             all.push(Box::new(Elements::sliders(model, &chosen, slider, self.area)));
         }
         let elastic = || cable::Elastic { law, offset: self.offset };

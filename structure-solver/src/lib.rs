@@ -46,6 +46,8 @@ mod effect_tests;
 #[cfg(test)]
 mod fabric_group_tests;
 #[cfg(test)]
+mod fabric_hysteresis_tests;
+#[cfg(test)]
 mod pattern_tests;
 #[cfg(test)]
 mod reaction_tests;

@@ -29,7 +29,7 @@ use crate::velocity_average::VelocityAverage;
 use crate::warm_start;
 
 /// Effects of a scene that this program implements.
-const EFFECTS: [&str; 41] = [
+const EFFECTS: [&str; 42] = [
     channel::RESUME,
     channel::FLAT_SHAPES,
     channel::SUPPORT_FORCE,
@@ -56,6 +56,7 @@ const EFFECTS: [&str; 41] = [
     "lines",
     "lines.tension_only",
     "lines.hysteresis",
+    "fabric.hysteresis",
     "fabric.retardation_time_s",
     "risers",
     "canopy.cable",

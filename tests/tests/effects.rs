@@ -125,6 +125,7 @@ fn inactive_structure_effects_change_nothing_bitwise() {
         ("integration", put(&base, "structure", "integration = \"implicit\"")),
         ("damping", stage("stiffness_damping_s = 0.0\nmass_damping_per_s = 0.0")),
         ("retardation", put(&base, "lines", "retardation_time_s = 0.0")),
+        ("hysteresis", put(&put(&base, "lines", "hysteresis = 0.0"), "fabric", "hysteresis = 0.0")),
         ("reefing", format!("reefing = []\npoint_mass = []\n{base}")),
         ("prestress", put(&base, "lines", "prestress_pa = 0.0\ntension_only = true")),
         // Acts only with flow, not in the stage of the structure alone.
@@ -173,6 +174,7 @@ fn structure_effects_change_the_results_as_predicted() {
     let cases = [
         ("mass damping", stage(&time, "mass_damping_per_s = 50.0"), "structure_kinetic_energy_j", Down),
         ("stiffness damping", stage(&time, "stiffness_damping_s = 1e-3"), "structure_kinetic_energy_j", Down),
+        ("hysteresis", put(&time, "fabric", "hysteresis = 0.3"), "structure_kinetic_energy_j", Down),
         (
             "retardation of the fabric",
             put(&time, "fabric", "retardation_time_s = 1e-3"),

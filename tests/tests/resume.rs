@@ -338,9 +338,14 @@ fn resumed_run_is_bitwise_identical_for_every_effect() {
                  [flow.gust]\nvelocity_m_s = [0.3, 0.5, 0]\nshape = \"sine\"\nstart_s = 0.41\nperiod_s = 0.11\nclock = \"run\"\n\
                  [flow.solver]\nresidual_drop = 1e-3\n[mesh]\nmover = \"laplacian\"\n";
     let pulse = "[stage.perturbation]\nduration_s = 0.08\n";
-    // Sliders of the lines: with central differences, and with friction in implicit steps.
-    let hysteretic =
-        |scene: String| scene.replacen("[lines]", "[lines]\nhysteresis = 0.3\nretardation_time_s = 1e-5", 1);
+    // Sliders of lines and fabric: with central differences, and with friction in implicit steps.
+    let hysteretic = |scene: String| {
+        scene.replacen("[lines]", "[lines]\nhysteresis = 0.3\nretardation_time_s = 1e-5", 1).replacen(
+            "[fabric]",
+            "[fabric]\nhysteresis = 0.2",
+            1,
+        )
+    };
     let scene = hysteretic(format!("{SHEET}{other}{INFLATE}{DEVELOP}{pulse}{FALL}"));
     same_in_parts(folder.path(), "other", &scene, &cuts);
     let folds = "[structure]\nspectral_radius = 0.8\n[fabric.contact]\ndistance_m = 0.003\nfriction = 0.3\n[fabric_gravity]\n[[reefing]]\nlength_m = 7.0\ndraw_in_s = 0.3\n";

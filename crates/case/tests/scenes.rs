@@ -592,6 +592,13 @@ fn fullness_of_sails_is_checked() {
     let case::Canopy::Gored(g) = &scene.canopy else { panic!("gores") };
     assert_eq!(g.sections.iter().map(|s| s.lower_fullness).collect::<Vec<_>>(), [0.03, 0.1]);
     gored(&sails("gap = true")).unwrap_or_else(|e| panic!("{e}"));
+    let slot = gored(&sails("crescent_slot = true")).unwrap_or_else(|e| panic!("{e}"));
+    let case::Canopy::Gored(g) = &slot.canopy else { panic!("gores") };
+    assert!(g.has_crescent_slots());
+    let loose = gored(&sails("crescent_slot = true").replace(seams, "")).expect_err("no radials");
+    assert!(loose.contains("gaps or slots, and no radial tapes"), "{loose}");
+    let first = sizes.to_owned() + &section("crescent_slot = true") + &section("") + seams;
+    assert!(gored(&first).expect_err("the vent").contains("no cloth on both sides"));
     for (middle, message) in [
         (
             "upper_fullness = 0.05",
@@ -599,6 +606,11 @@ fn fullness_of_sails_is_checked() {
         ),
         ("upper_fullness = 0.03\nlower_fullness = 5.0", "`canopy.section[1].lower_fullness` is 5"),
         ("gap = true\nupper_fullness = 0.03", "section 1 is a gap, and has a fullness of 0.03"),
+        (
+            "crescent_slot = true\nupper_fullness = 0.03",
+            "sections 0 and 1 both have a fullness of 0.03 at the slot",
+        ),
+        ("crescent_slot = true\ngap = true", "section 1 has no cloth on both sides of its upper edge"),
     ] {
         let error = gored(&sails(middle)).expect_err(message);
         assert!(error.contains(message), "{message}: {error}");

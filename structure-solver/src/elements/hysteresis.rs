@@ -1,36 +1,10 @@
-//! Lines that return less work than it took to stretch them.
-//!
-//! Strands that rub on each other are a slider in parallel with the elastic line (a Jenkin element: Iwan, J. Appl. Mech. 33, 1966,
-//! 893-900), whose limit grows with the tension, as dry friction does. For the elastic stress $`S_e = Y_e E`$
-//! - the slider sticks with the stiffness $`k Y_e`$, $`\dot S_f = k Y_e \dot E`$, while $`|S_f| \le \mu |S_e|`$,
-//! - and slips at this limit. A slack line has none.
-//!
-//! With $`Y_e = Y / (1 + \mu)`$ a line that is loaded for the first time has the modulus $`Y`$; unloaded, it follows
-//! $`(1-\mu) Y_e E`$. A slow cycle from zero to $`E_0`$ and back takes the share
-//! ```math
-//! \psi = \frac{2 \mu (k-\mu)}{(1+\mu)(k+\mu)}
-//! ```
-//! of the work of loading, whatever $`E_0`$ and the rate. The slider is integrated from the start of a step to its end by
-//! the closest point (backward Euler): the work that it does not store, $`S_1 \Delta E - \Delta (S^2) / (2 k Y_e)`$, is never negative. With implicit
-//! steps that is first order in time, too much by the share of a step in the time of loading.
+//! Lines that return less work than it took to stretch them: the slider of [`crate::materials::slider`] next to each cable element, by its
+//! Green strain.
 
 use super::cable::{CableLaw, force, stiffness, strain};
 use super::{Kernel, Load, Step};
+use crate::materials::slider::{self, Friction, Slider};
 use mesh::geometry::{Mat3, Vec3};
-
-/// Stiffness of the slider that sticks over the elastic one, `k`.
-const STICK: f64 = 2.0;
-
-/// Strain of a slider before its first step: no line has it.
-const NEVER: f64 = f64::MAX;
-
-/// Limit over elastic stress, $`\mu`$, of lines that lose the share `loss` of the work of loading: the smaller solution of $`\psi(\mu)`$ = `loss`, which
-/// has one up to [`case::MOST_HYSTERESIS`].
-pub fn friction(loss: f64) -> f64 {
-    let b = 2.0 * STICK - loss * (1.0 + STICK);
-    let a = loss + 2.0;
-    (b - (b * b - 4.0 * a * loss * STICK).sqrt()) / (2.0 * a)
-}
 
 /// Sliders of lines.
 pub struct Hysteresis<L> {
@@ -38,21 +12,7 @@ pub struct Hysteresis<L> {
     law: L,
     /// Green strain at rest length that makes the pre-stress.
     offset: f64,
-    /// Limit over elastic stress.
-    friction: f64,
-    /// Stiffness of a slider that sticks, Pa.
-    stiffness: f64,
-    /// Weight of the stress at the end of a step in its work: 1 of implicit steps, whose forces have this stress; 1/2 of central differences.
-    end_weight: f64,
-}
-
-/// State of a slider at the end of a step.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Slider {
-    /// Green strain of the line.
-    pub strain: f64,
-    /// Stress of the slider, Pa.
-    pub stress: f64,
+    friction: Friction,
 }
 
 /// A line with a slider.
@@ -66,15 +26,9 @@ pub struct HystereticLine {
 }
 
 impl<L: CableLaw> Hysteresis<L> {
-    /// Of lines with the elastic `law` of modulus `youngs_modulus` (Pa), the strain `offset` at rest length, and a limit of `friction` times the
-    /// elastic stress.
-    pub fn new(law: L, youngs_modulus: f64, offset: f64, friction: f64) -> Self {
-        Self { law, offset, friction, stiffness: STICK * youngs_modulus, end_weight: 1.0 }
-    }
-
-    /// For central differences: the work of a step is that of the mean of the stresses at its ends.
-    pub fn explicit(self) -> Self {
-        Self { end_weight: 0.5, ..self }
+    /// Of lines with the elastic `law` and the strain `offset` at rest length.
+    pub fn new(law: L, offset: f64, friction: Friction) -> Self {
+        Self { law, offset, friction }
     }
 
     /// An element of rest length (m) and cross-section (m2).
@@ -82,37 +36,18 @@ impl<L: CableLaw> Hysteresis<L> {
         HystereticLine { length, area, slider: None }
     }
 
-    /// Stress (Pa) of a slider at the strain `e`, and its derivative.
-    #[inline(always)]
-    fn slide(&self, from: Option<Slider>, e: f64) -> (f64, f64) {
-        let (elastic, modulus) = self.law.stress(e);
-        let Some(from) = from else { return (self.friction * elastic, self.stiffness) };
-        let limit = self.friction * elastic.abs();
-        let stuck = from.stress + self.stiffness * (e - from.strain);
-        if stuck.abs() <= limit {
-            (stuck, self.stiffness)
-        } else {
-            (limit.copysign(stuck), self.friction * modulus * elastic.signum() * stuck.signum())
-        }
-    }
-
-    /// Strain with the vector `d` between the ends (m), and the slider's stress and its derivative there.
+    /// Strain with the vector `d` between the ends (m), and the slider's stress (Pa) and its derivative there.
     #[inline(always)]
     fn state(&self, e: &HystereticLine, d: Vec3) -> (f64, f64, f64) {
         let strain = strain(d, e.length) + self.offset;
-        let (s, y) = self.slide(e.slider, strain);
+        let (s, y) = self.friction.slide(e.slider, strain, self.law.stress(strain));
         (strain, s, y)
-    }
-
-    /// Energy of a slider of stress `s` (Pa) in an element, J.
-    fn stored(&self, e: &HystereticLine, s: f64) -> f64 {
-        0.5 * s * s / self.stiffness * e.area * e.length
     }
 }
 
 impl<L: CableLaw> Kernel<2> for Hysteresis<L> {
     type Element = HystereticLine;
-    const HISTORY: bool = true;
+    const VARIABLES: usize = 2;
 
     #[inline(always)]
     fn force<const TRACTION: bool, const BLEND: bool>(
@@ -143,7 +78,7 @@ impl<L: CableLaw> Kernel<2> for Hysteresis<L> {
     }
 
     fn energy(&self, e: &HystereticLine, x: &[Vec3; 2]) -> f64 {
-        self.stored(e, self.state(e, x[1] - x[0]).1)
+        self.friction.stored(self.state(e, x[1] - x[0]).1) * e.area * e.length
     }
 
     fn tension(&self, e: &HystereticLine, x: &[Vec3; 2]) -> Option<f64> {
@@ -152,22 +87,18 @@ impl<L: CableLaw> Kernel<2> for Hysteresis<L> {
     }
 
     fn advance_history(&self, e: &mut HystereticLine, x: &[Vec3; 2]) -> f64 {
-        let (strain, s, _) = self.state(e, x[1] - x[0]);
-        let taken = e.slider.map_or(0.0, |from| {
-            let mean = self.end_weight * s + (1.0 - self.end_weight) * from.stress;
-            let work = mean * (strain - from.strain) * e.area * e.length;
-            work - (self.stored(e, s) - self.stored(e, from.stress))
-        });
-        e.slider = Some(Slider { strain, stress: s });
-        taken
+        let (strain, stress, _) = self.state(e, x[1] - x[0]);
+        let to = Slider { strain, stress };
+        let from = e.slider.replace(to);
+        self.friction.taken(from, to) * e.area * e.length
     }
 
-    fn history(&self, e: &HystereticLine) -> [f64; 2] {
-        e.slider.map_or([NEVER, 0.0], |s| [s.strain, s.stress])
+    fn history(&self, e: &HystereticLine, variables: &mut [f64]) {
+        variables.copy_from_slice(&slider::variables(e.slider));
     }
 
-    fn set_history(&self, e: &mut HystereticLine, [strain, stress]: [f64; 2]) {
-        e.slider = (strain != NEVER).then_some(Slider { strain, stress });
+    fn set_history(&self, e: &mut HystereticLine, variables: &[f64]) {
+        e.slider = slider::of_variables([variables[0], variables[1]]);
     }
 }
 
@@ -175,6 +106,7 @@ impl<L: CableLaw> Kernel<2> for Hysteresis<L> {
 mod tests {
     use super::*;
     use crate::elements::cable::TensionOnly;
+    use crate::materials::slider::friction;
 
     const Y: f64 = 5.0;
     const LENGTH: f64 = 1.1;
@@ -183,7 +115,14 @@ mod tests {
     fn kernel(loss: f64) -> Hysteresis<TensionOnly> {
         let mu = friction(loss);
         let youngs_modulus = Y / (1.0 + mu);
-        Hysteresis::new(TensionOnly { youngs_modulus }, youngs_modulus, 0.0, mu)
+        Hysteresis::new(TensionOnly { youngs_modulus }, 0.0, Friction::new(mu, youngs_modulus))
+    }
+
+    /// Strain and stress of a slider.
+    fn history(k: &Hysteresis<TensionOnly>, e: &HystereticLine) -> [f64; 2] {
+        let mut variables = [0.0; 2];
+        k.history(e, &mut variables);
+        variables
     }
 
     /// Ends of a line with the Green strain `e` along a slanted direction.
@@ -200,16 +139,16 @@ mod tests {
         for &to in strains {
             for i in 1..=steps {
                 let strain = from + (to - from) * i as f64 / steps as f64;
-                let before = k.history(&e);
+                let before = history(k, &e);
                 let some = k.advance_history(&mut e, &at(strain));
                 assert!(some >= -1e-16, "{strain}: {some}");
                 taken += some;
                 let total = |[strain, s]: [f64; 2]| s + k.law.stress(strain).0;
-                work += 0.5 * (total(before) + total(k.history(&e))) * (strain - before[0]);
+                work += 0.5 * (total(before) + total(history(k, &e))) * (strain - before[0]);
             }
             from = to;
         }
-        (k.history(&e)[1], work * AREA * LENGTH, taken)
+        (history(k, &e)[1], work * AREA * LENGTH, taken)
     }
 
     /// The share of the work of loading that a cycle takes is the one asked for, at any amplitude; the modulus of the first loading is that of the line.
@@ -244,12 +183,6 @@ mod tests {
         }
         // Slack throughout: nothing.
         assert_eq!(along(&k, &[-0.1, -0.2], 5), (0.0, 0.0, 0.0));
-    }
-
-    #[test]
-    fn without_loss_there_is_no_friction() {
-        assert_eq!(friction(0.0), 0.0);
-        assert!((friction(case::MOST_HYSTERESIS) - 0.5).abs() < 1e-14);
     }
 
     /// Tangent against central differences: sticking, slipping both ways, slack; in steps of any weight.

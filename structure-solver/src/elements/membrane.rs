@@ -226,10 +226,11 @@ fn share<const TRACTION: bool>(load: &Load, x: &[Vec3; 3]) -> Vec3 {
 impl<L: StepLaw> Kernel<3> for Triangle<L> {
     type Element = Element<L::Start>;
     const RATE: bool = L::RATE;
+    const VARIABLES: usize = L::VARIABLES;
     const LOADED: bool = !L::ADDS;
 
     fn anchor(&self, e: &mut Self::Element, x: &[Vec3; 3]) {
-        e.start = self.law.start(deformation(&e.gradient, x).strain);
+        self.law.anchor(&mut e.start, deformation(&e.gradient, x).strain);
     }
 
     #[inline(always)]
@@ -288,7 +289,7 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
     }
 
     fn energy(&self, e: &Self::Element, x: &[Vec3; 3]) -> f64 {
-        e.volume * self.law.energy(deformation(&e.gradient, x).strain)
+        e.volume * self.law.energy(&e.start, deformation(&e.gradient, x).strain)
     }
 
     fn dissipation(&self, e: &Self::Element, before: &[Vec3; 3], after: &[Vec3; 3]) -> f64 {
@@ -296,12 +297,24 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         self.law.dissipation(&e.start, from, to, e.volume)
     }
 
+    fn advance_history(&self, e: &mut Self::Element, x: &[Vec3; 3]) -> f64 {
+        e.volume * self.law.advance_history(&mut e.start, deformation(&e.gradient, x).strain)
+    }
+
+    fn history(&self, e: &Self::Element, variables: &mut [f64]) {
+        self.law.history(&e.start, variables);
+    }
+
+    fn set_history(&self, e: &mut Self::Element, variables: &[f64]) {
+        self.law.set_history(&mut e.start, variables);
+    }
+
     fn mass(&self, e: &Self::Element) -> Option<f64> {
         (!L::ADDS).then_some(self.density * e.volume)
     }
 
     fn sheet(&self, e: &Self::Element, x: &[Vec3; 3]) -> Option<Sheet> {
-        self.law.sheet(deformation(&e.gradient, x).strain)
+        self.law.sheet(&e.start, deformation(&e.gradient, x).strain)
     }
 
     fn tangents(&self, e: &Self::Element, x: &[Vec3; 3]) -> Option<[Vec3; 2]> {
@@ -330,7 +343,7 @@ mod tests {
         SHEET.map(map)
     }
 
-    fn check<M: Material>(material: M, x: [Vec3; 3]) {
+    fn check<M: Material + Copy>(material: M, x: [Vec3; 3]) {
         let r = Reference::new(SHEET).expect("a proper triangle");
         let kernel = Triangle::new(Elastic(material), 2.0);
         conforms(&kernel, || kernel.element(&r, THICKNESS), SHEET, x);

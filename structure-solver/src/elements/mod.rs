@@ -83,8 +83,8 @@ pub trait Kernel<const N: usize>: 'static {
     const TIMED: bool = false;
     /// Whether forces depend on the air.
     const AIR: bool = false;
-    /// Whether forces depend on earlier steps.
-    const HISTORY: bool = false;
+    /// Number of internal variables, by which forces depend on earlier steps.
+    const VARIABLES: usize = 0;
     /// Whether the elements carry the loads on faces.
     const LOADED: bool = false;
 
@@ -129,13 +129,11 @@ pub trait Kernel<const N: usize>: 'static {
         0.0
     }
 
-    /// Internal variables of a kernel with [`Kernel::HISTORY`].
-    fn history(&self, _e: &Self::Element) -> [f64; 2] {
-        [0.0; 2]
-    }
+    /// Copies the [`Kernel::VARIABLES`] internal variables.
+    fn history(&self, _e: &Self::Element, _variables: &mut [f64]) {}
 
     /// Takes up what [`Kernel::history`] gave.
-    fn set_history(&self, _e: &mut Self::Element, _history: [f64; 2]) {}
+    fn set_history(&self, _e: &mut Self::Element, _variables: &[f64]) {}
 
     /// Mass, kg; none where other elements have the mass, and the matrix their blocks.
     fn mass(&self, _e: &Self::Element) -> Option<f64> {

@@ -279,10 +279,12 @@ impl<L: StepLaw> Quad<L> {
 impl<L: StepLaw> Kernel<4> for Quad<L> {
     type Element = Element<L::Start>;
     const RATE: bool = L::RATE;
+    const VARIABLES: usize = POINTS * L::VARIABLES;
     const LOADED: bool = !L::ADDS;
 
     fn anchor(&self, e: &mut Self::Element, x: &[Vec3; 4]) {
-        e.start = e.strains(x).map(|strain| self.law.start(strain));
+        let strains = e.strains(x);
+        e.start.iter_mut().zip(strains).for_each(|(start, strain)| self.law.anchor(start, strain));
     }
 
     #[inline(always)]
@@ -344,12 +346,30 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
 
     fn energy(&self, e: &Self::Element, x: &[Vec3; 4]) -> f64 {
         let strains = e.strains(x);
-        self.sum(e, |k, volume| volume * self.law.energy(strains[k]))
+        self.sum(e, |k, volume| volume * self.law.energy(&e.start[k], strains[k]))
     }
 
     fn dissipation(&self, e: &Self::Element, before: &[Vec3; 4], after: &[Vec3; 4]) -> f64 {
         let [from, to] = [before, after].map(|x| e.strains(x));
         self.sum(e, |k, volume| self.law.dissipation(&e.start[k], from[k], to[k], volume))
+    }
+
+    fn advance_history(&self, e: &mut Self::Element, x: &[Vec3; 4]) -> f64 {
+        let strains = e.strains(x);
+        let one = |k: usize| self.volume(e, k);
+        let volumes: [f64; POINTS] = std::array::from_fn(one);
+        let points = e.start.iter_mut().zip(strains).zip(volumes);
+        points.map(|((start, strain), volume)| volume * self.law.advance_history(start, strain)).sum()
+    }
+
+    fn history(&self, e: &Self::Element, variables: &mut [f64]) {
+        let rows = variables.chunks_exact_mut(L::VARIABLES.max(1));
+        e.start.iter().zip(rows).for_each(|(start, row)| self.law.history(start, row));
+    }
+
+    fn set_history(&self, e: &mut Self::Element, variables: &[f64]) {
+        let rows = variables.chunks_exact(L::VARIABLES.max(1));
+        e.start.iter_mut().zip(rows).for_each(|(start, row)| self.law.set_history(start, row));
     }
 
     /// Per area (kg/m2): the shares are areas.
@@ -362,10 +382,11 @@ impl<L: StepLaw> Kernel<4> for Quad<L> {
         e.reference.shares(kind)
     }
 
-    /// Of the mean strain of the points.
+    /// Of the mean strain of the points, with the mean of their internal variables.
     fn sheet(&self, e: &Self::Element, x: &[Vec3; 4]) -> Option<Sheet> {
         let strains = e.strains(x);
-        self.law.sheet(std::array::from_fn(|i| 0.25 * strains.iter().map(|e| e[i]).sum::<f64>()))
+        let mean = std::array::from_fn(|i| 0.25 * strains.iter().map(|e| e[i]).sum::<f64>());
+        self.law.sheet(&self.law.mean(&e.start), mean)
     }
 
     /// The mean of the points.
@@ -414,7 +435,7 @@ mod tests {
         f
     }
 
-    fn check<M: Material>(material: M, x: [Vec3; 4]) {
+    fn check<M: Material + Copy>(material: M, x: [Vec3; 4]) {
         let r = Reference::new(X, None).expect("a good element");
         let kernel = Quad::new(Elastic(material), 1.0, 2.0);
         conforms(&kernel, || kernel.element(r), X, x);

@@ -27,8 +27,8 @@ pub struct Elements<K: Kernel<N>, const N: usize> {
     cables: Vec<u32>,
     /// Places among the triangles of the model of the rows that are reported.
     sheets: Vec<u32>,
-    /// Internal variables at the accepted state; none where the kernel has none.
-    accepted: Vec<[f64; 2]>,
+    /// Internal variables at the accepted state, element by element.
+    accepted: Vec<f64>,
     /// Energy that internal variables took since it was asked for, J.
     dissipated: f64,
 }
@@ -62,8 +62,9 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         Self { sheets, ..self }
     }
 
-    fn set_histories(&mut self, all: &[[f64; 2]]) {
-        self.elements.iter_mut().zip(all).for_each(|(e, h)| self.kernel.set_history(&mut e.data, *h));
+    fn set_histories(&mut self, all: &[f64]) {
+        let rows = all.chunks_exact(K::VARIABLES.max(1));
+        self.elements.iter_mut().zip(rows).for_each(|(e, row)| self.kernel.set_history(&mut e.data, row));
     }
 
     /// All elements, or those that touch an `active` node. Asked element by element, so that both are one compiled loop.
@@ -228,11 +229,11 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn has_history(&self) -> bool {
-        K::HISTORY
+        K::VARIABLES > 0
     }
 
     fn advance_history(&mut self, x: &[f64]) {
-        if !K::HISTORY {
+        if K::VARIABLES == 0 {
             return;
         }
         for (k, e) in self.elements.iter_mut().enumerate() {
@@ -242,7 +243,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn has_dissipation(&self) -> bool {
-        K::HISTORY
+        K::VARIABLES > 0
     }
 
     fn dissipated(&mut self) -> f64 {
@@ -250,10 +251,9 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn keep(&mut self) {
-        if K::HISTORY {
-            self.accepted.clear();
-            self.accepted.extend(self.elements.iter().map(|e| self.kernel.history(&e.data)));
-        }
+        self.accepted.resize(K::VARIABLES * self.elements.len(), 0.0);
+        let rows = self.accepted.chunks_exact_mut(K::VARIABLES.max(1));
+        self.elements.iter().zip(rows).for_each(|(e, row)| self.kernel.history(&e.data, row));
     }
 
     fn rewind(&mut self) {
@@ -263,21 +263,23 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn save_state(&self) -> Vec<f64> {
-        self.accepted.as_flattened().to_vec()
+        self.accepted.clone()
     }
 
     fn restore_state(&mut self, saved: &[f64]) -> Result<(), String> {
-        let (rows, rest) = saved.as_chunks::<2>();
-        let expected = if K::HISTORY { self.elements.len() } else { 0 };
-        if !rest.is_empty() || !(rows.is_empty() || rows.len() == expected) {
-            return Err(format!("{} internal variables are not those of {expected} elements", saved.len()));
+        if !(saved.is_empty() || saved.len() == K::VARIABLES * self.elements.len()) {
+            let [found, variables] = [saved.len(), K::VARIABLES];
+            let elements = self.elements.len();
+            return Err(format!(
+                "{found} internal variables are not those of {elements} elements with {variables} each"
+            ));
         }
         if !saved.iter().all(|v| v.is_finite()) {
             return Err("internal variables are not finite".into());
         }
-        if !rows.is_empty() {
-            self.accepted = rows.to_vec();
-            self.set_histories(rows);
+        if !saved.is_empty() {
+            self.accepted = saved.to_vec();
+            self.set_histories(saved);
         }
         Ok(())
     }

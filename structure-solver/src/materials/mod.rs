@@ -5,9 +5,11 @@
 //! homogeneous of degree one in the strain (a prestress counts as one): the energy per
 //! volume is `S:E/2`. Other laws give their own. How to add one: `docs/how-to/add-a-membrane-material.md`.
 
+mod hysteretic;
 mod neo_hookean;
 mod orthotropic_field;
 mod prestressed;
+pub mod slider;
 pub mod step;
 mod svk;
 mod tension_field;
@@ -16,6 +18,7 @@ mod viscous;
 #[cfg(test)]
 pub(crate) mod check;
 
+pub use hysteretic::Hysteretic;
 pub use neo_hookean::{NeoHookean, NeoHookeanTensionField};
 pub use orthotropic_field::OrthotropicTensionField;
 pub use prestressed::Prestressed;
@@ -43,7 +46,7 @@ pub enum Regime {
 }
 
 /// A law of plane stress.
-pub trait Material: Copy + 'static {
+pub trait Material: 'static {
     /// Stress for the Green strain `e`.
     fn stress(&self, e: Strain) -> Stress;
     /// Stress and its derivative.

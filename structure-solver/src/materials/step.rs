@@ -13,21 +13,39 @@ pub trait StepLaw: 'static {
     const RATE: bool = false;
     /// Whether it adds to the stress of other elements, which have mass, load and energy.
     const ADDS: bool = false;
+    /// Number of internal variables, by which the stress depends on earlier steps. They are part of the state at the start.
+    const VARIABLES: usize = 0;
 
     /// State at strain `e`.
     fn start(&self, e: Strain) -> Self::Start;
+    /// Makes `start` the state at strain `e`, without a change of its internal variables.
+    fn anchor(&self, start: &mut Self::Start, e: Strain) {
+        *start = self.start(e);
+    }
     /// Stress of a step from `start` to strain `end` of weight `w`.
     fn stress<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> Stress;
     /// As [`StepLaw::stress`], with its derivative by `end` divided by `w`.
     fn tangent<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> (Stress, Moduli);
-    /// Strain energy per volume, J/m3.
-    fn energy(&self, _e: Strain) -> f64 {
+    /// Strain energy per volume at strain `e` in a step from `start`, J/m3.
+    fn energy(&self, _start: &Self::Start, _e: Strain) -> f64 {
         0.0
     }
-    /// Stress and regime at strain `e`, where they are reported.
-    fn sheet(&self, _e: Strain) -> Option<Sheet> {
+    /// Stress and regime at strain `e` in a step from `start`, where they are reported.
+    fn sheet(&self, _start: &Self::Start, _e: Strain) -> Option<Sheet> {
         None
     }
+    /// State with the mean internal variables of `points` of one element.
+    fn mean(&self, points: &[Self::Start; 4]) -> Self::Start {
+        points[0]
+    }
+    /// Ends a step at strain `e`, where the internal variables take their values; the energy for each volume (J/m3) that they took in it.
+    fn advance_history(&self, _start: &mut Self::Start, _e: Strain) -> f64 {
+        0.0
+    }
+    /// Copies the [`StepLaw::VARIABLES`] internal variables.
+    fn history(&self, _start: &Self::Start, _variables: &mut [f64]) {}
+    /// Takes up what [`StepLaw::history`] gave.
+    fn set_history(&self, _start: &mut Self::Start, _variables: &[f64]) {}
     /// Energy (J) that `volume` (m3) takes out of the motion in a step between two strains.
     fn dissipation(&self, _start: &Self::Start, _from: Strain, _to: Strain, _volume: f64) -> f64 {
         0.0
@@ -60,11 +78,11 @@ impl<M: Material> StepLaw for Elastic<M> {
         if BLEND { tangent(&self.0, start, end, w) } else { self.0.tangent(end) }
     }
 
-    fn energy(&self, e: Strain) -> f64 {
+    fn energy(&self, _start: &StepStart, e: Strain) -> f64 {
         self.0.energy(&self.0.stress(e), &e)
     }
 
-    fn sheet(&self, e: Strain) -> Option<Sheet> {
+    fn sheet(&self, _start: &StepStart, e: Strain) -> Option<Sheet> {
         Some(Sheet { strain: e, stress: self.0.stress(e), regime: self.0.regime(e) })
     }
 }
@@ -74,7 +92,7 @@ impl<M: Material> StepLaw for Elastic<M> {
 pub struct StepStart {
     strain: Strain,
     /// J/m3.
-    energy: f64,
+    pub(super) energy: f64,
 }
 
 impl StepStart {

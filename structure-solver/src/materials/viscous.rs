@@ -75,7 +75,7 @@ pub struct KelvinVoigt<M> {
     viscous: Viscous<M>,
 }
 
-impl<M: Material> KelvinVoigt<M> {
+impl<M: Material + Copy> KelvinVoigt<M> {
     /// Damping time in s.
     pub fn new(material: M, time: f64) -> Self {
         Self { elastic: Elastic(material), viscous: Viscous::new(material, time) }
@@ -105,12 +105,12 @@ impl<M: Material> StepLaw for KelvinVoigt<M> {
         (sum(s, v), std::array::from_fn(|i| sum(c[i], k[i])))
     }
 
-    fn energy(&self, e: Strain) -> f64 {
-        self.elastic.energy(e)
+    fn energy(&self, start: &Self::Start, e: Strain) -> f64 {
+        self.elastic.energy(&start.0, e)
     }
 
-    fn sheet(&self, e: Strain) -> Option<Sheet> {
-        self.elastic.sheet(e)
+    fn sheet(&self, start: &Self::Start, e: Strain) -> Option<Sheet> {
+        self.elastic.sheet(&start.0, e)
     }
 
     fn dissipation(&self, start: &Self::Start, from: Strain, to: Strain, volume: f64) -> f64 {

@@ -152,7 +152,7 @@ fn circular_membrane_rises_as_hencky_says() {
 /// its corners by 2 T sin(a/2) = p l c cos(a/2) with the chord c = 2 R sin(a/2): in all
 /// formulas R becomes R cos(a/2), which bilinear elements meet exactly. Triangles share the load of a
 /// facet unevenly among its nodes; they come to it, and to the circle, with order 2.
-fn cylinder(law: impl Material, c: f64, element: Element) {
+fn cylinder(law: impl Material + Copy, c: f64, element: Element) {
     let r = 0.5;
     let p = 0.4 * c * SHEET[0] / r;
     let stretch = |r_eff: f64| (1.0 + 2.0 * p * r_eff / (c * SHEET[0])).sqrt();

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::lines::retardation;
+use super::lines::{hysteresis, retardation};
 use crate::check::Check;
 use crate::materials::required_without_material;
 use crate::{Canopy, FabricMaterial, GmshCanopy, Scene, StageKind};
@@ -40,6 +40,9 @@ pub struct Fabric {
     /// Bending stiffness of the flat cloth, N m: moment for each width over curvature, the B of Kawabata's bending test (1 gf cm2/cm is 9.8e-5 N m; light
     /// nylon cloth has 1e-6 to 1e-5). Absent: fabric bends freely.
     pub bending_stiffness_n_m: Option<f64>,
+    /// Share of the work of stretching that a slow cycle from zero along any one strain and back does not return, at most 0.4. Absent: 0, elastic. Each stage
+    /// starts as after a first loading; stages with `solve = "static"` have none.
+    pub hysteresis: Option<f64>,
     /// As `lines.retardation_time_s`: retardation time (Kelvin-Voigt), s.
     #[serde(default)]
     pub retardation_time_s: f64,
@@ -232,6 +235,7 @@ impl Fabric {
             wrinkling: false,
             prestress_pa: 0.0,
             bending_stiffness_n_m: None,
+            hysteresis: None,
             retardation_time_s: 0.0,
             orthotropic: None,
             permeability: None,
@@ -280,6 +284,7 @@ pub(crate) fn check(scene: &Scene, c: &mut Check) {
         0.0..=0.5 * f.softest_modulus_pa(),
         "at most half the modulus",
     );
+    hysteresis("fabric", f.hysteresis, c);
     retardation("fabric", f.retardation_time_s, c);
     if let Some(stiffness) = f.bending_stiffness_n_m {
         let why = "a moment for each width over curvature in N m: light nylon cloth has 1e-6 to 1e-5, a steel sheet of 1 mm 18";

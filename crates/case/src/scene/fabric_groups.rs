@@ -10,7 +10,7 @@ use crate::check::Check;
 use crate::{Canopy, Fabric, FabricMaterial, Law, Permeability, Scene};
 
 /// Fabric of a physical group of surfaces of the mesh file, with a cloth of its own. A key that is left out is that of `[fabric]`, and so is all that has no
-/// key here: law, wrinkling, prestress, bending, damping, contact. Surfaces of a group that is not listed are `[fabric]`.
+/// key here: law, wrinkling, prestress, bending, damping, hysteresis, contact. Surfaces of a group that is not listed are `[fabric]`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FabricGroup {

@@ -53,6 +53,10 @@ pub struct GoreSection {
     /// An opening without fabric, which radial tapes along the seams (`[tapes.seams]`) bridge.
     #[serde(default)]
     pub gap: bool,
+    /// The upper edge is sewn to the section above at the seams only: between two edges of unequal fullness a crescent slot is open, as between the sails of a
+    /// ringsail canopy.
+    #[serde(default)]
+    pub crescent_slot: bool,
     /// Fullness of the upper edge of a sail (trailing edge), as a share: 0.05 for an edge that is 5 % longer than the gore is wide there. It varies linearly along
     /// the section. The area of `nominal_diameter_m` is that of the gores without fullness.
     #[serde(default)]
@@ -66,6 +70,11 @@ impl GoredCanopy {
     /// Diameter of the vent, m: the scene's, or the default.
     pub fn vent_diameter(&self) -> f64 {
         self.vent_diameter_m.unwrap_or(0.1 * self.nominal_diameter_m)
+    }
+
+    /// Whether sails are open against each other between the seams.
+    pub fn has_crescent_slots(&self) -> bool {
+        self.sections.iter().any(|s| s.crescent_slot)
     }
 
     /// Nominal area S0 = pi D0^2 / 4 of all gores, vent and gaps included, m2.
@@ -183,10 +192,10 @@ fn sections(g: &GoredCanopy, radials: bool, c: &mut Check) {
             format!("use at least {fabric}, better two for each section"),
         );
     }
-    if !radials && fabric < g.sections.len() {
+    if !radials && (fabric < g.sections.len() || g.has_crescent_slots()) {
         c.refuse(
             "tapes.seams",
-            "the canopy has gaps, and no radial tapes hold the parts together",
+            "the canopy has gaps or slots, and no radial tapes hold the parts together",
             "add [tapes.seams] with the axial stiffness and mass of the radials",
         );
     }
@@ -207,18 +216,34 @@ fn fullness(k: usize, s: &GoreSection, c: &mut Check) {
     }
 }
 
-/// Refuses two values of the fullness on an edge that two sections share.
+/// Refuses two values of the fullness on an edge that two sections share, and a slot between edges that leave none open.
 fn shared_edges(g: &GoredCanopy, c: &mut Check) {
-    for (k, pair) in g.sections.windows(2).enumerate().filter(|(_, pair)| pair.iter().all(|s| !s.gap)) {
-        let [lower, upper] = [pair[0].lower_fullness, pair[1].upper_fullness];
-        if lower != upper {
+    for (k, s) in g.sections.iter().enumerate() {
+        let path = |key: &str| format!("canopy.section[{k}].{key}");
+        let above = k.checked_sub(1).map(|above| g.sections[above]).filter(|above| !above.gap && !s.gap);
+        let Some(above) = above else {
+            if s.crescent_slot {
+                c.refuse(
+                    &path("crescent_slot"),
+                    format!("section {k} has no cloth on both sides of its upper edge"),
+                    "remove it: the vent and gaps are open without it",
+                );
+            }
+            continue;
+        };
+        let [lower, upper] = [above.lower_fullness, s.upper_fullness];
+        if s.crescent_slot && lower == upper {
             c.refuse(
-                &format!("canopy.section[{}].upper_fullness", k + 1),
-                format!(
-                    "sections {k} and {} share an edge, and have a fullness of {lower} and {upper} there",
-                    k + 1
-                ),
-                "give both the same, or put a section with `gap = true` between them",
+                &path("crescent_slot"),
+                format!("sections {} and {k} both have a fullness of {upper} at the slot: it has no width", k - 1),
+                "give the edges another fullness: the leading edge of the lower sail is usually straight, the trailing edge of the upper one full",
+            );
+        }
+        if !s.crescent_slot && lower != upper {
+            c.refuse(
+                &path("upper_fullness"),
+                format!("sections {} and {k} share an edge, and have a fullness of {lower} and {upper} there", k - 1),
+                "give both the same, open a slot between them with `crescent_slot = true`, or put a section with `gap = true` between them",
             );
         }
     }

@@ -73,6 +73,11 @@ impl Scene {
         self.lines.as_ref()?.drag.as_ref()
     }
 
+    /// Whether the fabric returns less work than it took to stretch it.
+    pub fn has_fabric_hysteresis(&self) -> bool {
+        self.fabric.hysteresis.is_some_and(|share| share > 0.0)
+    }
+
     /// Whether lines or risers return less work than it took to stretch them.
     pub fn has_hysteresis(&self) -> bool {
         let lines = self.lines.as_ref().and_then(|l| l.hysteresis);
@@ -97,10 +102,10 @@ impl Scene {
     }
 }
 
-/// Largest share of the work of stretching that lines may take.
+/// Largest share of the work of stretching that lines or fabric may take.
 pub const MOST_HYSTERESIS: f64 = 0.4;
 
-/// Refuses a share of the work of stretching that no line takes.
+/// Refuses a share of the work of stretching that no material takes.
 pub(super) fn hysteresis(section: &str, share: Option<f64>, c: &mut Check) {
     if let Some(share) = share {
         let why = "a share of the work of stretching; the friction of the law reaches 0.4";

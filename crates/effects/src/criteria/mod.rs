@@ -14,9 +14,9 @@ pub use air::{
 use case::Scene;
 pub use descent::{body, descent, frame_motion, line_drag, payload_drag, typical_drag_area};
 pub use structure::{
-    bending, cable_groups, contact, contact_friction, fabric_gravity, fabric_groups, hysteresis, immersed,
-    integration, law, lines, mass_damping, moving_grid, orthotropic, prescribed, prestress, reefing,
-    reinforcements, retardation, risers, stiffness_damping, tapes, wrinkling,
+    bending, cable_groups, contact, contact_friction, fabric_gravity, fabric_groups, fabric_hysteresis,
+    hysteresis, immersed, integration, law, lines, mass_damping, moving_grid, orthotropic, prescribed,
+    prestress, reefing, reinforcements, retardation, risers, stiffness_damping, tapes, wrinkling,
 };
 
 use super::estimate::Certainty;

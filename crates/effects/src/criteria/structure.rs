@@ -308,6 +308,17 @@ pub fn hysteresis(s: &Scope<'_>) -> Assessment {
     })
 }
 
+/// Hysteresis changes oscillations and the recoil after a peak; a membrane force that grows to its mean has the moduli of the fabric.
+pub fn fabric_hysteresis(s: &Scope<'_>) -> Assessment {
+    Assessment::not(match s.scene().fabric.hysteresis {
+        Some(share) if share > 0.0 => format!(
+            "damps oscillations of the fabric: a cycle from zero takes {} of the work of stretching",
+            percent(share)
+        ),
+        _ => "damps oscillations of the fabric; its loss is not known".into(),
+    })
+}
+
 /// Rates of strains damp oscillations, not the mean; the loss factor grows with the frequency.
 pub fn retardation(s: &Scope<'_>) -> Assessment {
     let time = s.scene().retardation_time_s();

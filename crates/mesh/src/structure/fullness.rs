@@ -12,6 +12,7 @@ use std::f64::consts::PI;
 
 use case::GoreSection;
 
+use super::gored::is_slot;
 use crate::geometry::{Point, Vec3};
 
 /// A ring of nodes across a gore.
@@ -23,11 +24,14 @@ pub(super) struct Edge {
     angle: f64,
 }
 
-/// Fullness at each ring of `sections` with these numbers of `cells` along them. A ring at a gap is that of the fabric next to it.
+/// Fullness at each ring of `sections` with these numbers of `cells` along them. A ring at a gap is that of the fabric next to it. Both edges of a slot bulge
+/// along one normal, so that they do not cross.
 pub(super) fn edges(sections: &[GoreSection], cells: &[usize]) -> Vec<Edge> {
     let mut all: Vec<Edge> = Vec::new();
-    for (s, &cells) in sections.iter().zip(cells) {
-        let angle = s.angle_deg.to_radians();
+    let radians = |k: usize| sections[k].angle_deg.to_radians();
+    for (k, (s, &cells)) in sections.iter().zip(cells).enumerate() {
+        let slot = is_slot(s);
+        let angle = if slot { 0.5 * (radians(k - 1) + radians(k + 1)) } else { radians(k) };
         let at = |i: usize| {
             let t = i as f64 / cells as f64;
             s.upper_fullness + t * (s.lower_fullness - s.upper_fullness)
@@ -35,7 +39,11 @@ pub(super) fn edges(sections: &[GoreSection], cells: &[usize]) -> Vec<Edge> {
         if let Some(first) = all.last_mut() {
             // Fabric on both sides has one fullness; a gap has none.
             first.fullness = first.fullness.max(at(0));
-            first.angle = 0.5 * (first.angle + angle);
+            first.angle = match k.checked_sub(1).is_some_and(|above| is_slot(&sections[above])) {
+                true => first.angle,
+                false if slot => angle,
+                false => 0.5 * (first.angle + angle),
+            };
         } else {
             all.push(Edge { fullness: at(0), angle });
         }
@@ -96,7 +104,7 @@ mod tests {
 
     fn section(length: f64, angle_deg: f64, fullness: [f64; 2]) -> GoreSection {
         let [upper_fullness, lower_fullness] = fullness;
-        GoreSection { length, angle_deg, gap: false, upper_fullness, lower_fullness }
+        GoreSection { length, angle_deg, upper_fullness, lower_fullness, ..GoreSection::default() }
     }
 
     fn canopy(sections: Vec<GoreSection>, cells_per_gore: u32) -> GoredCanopy {
@@ -190,6 +198,72 @@ mod tests {
                 m.coords[..m.n_canopy].iter().map(|x| x[0].hypot(x[1])).fold(0.0, f64::max)
             };
             assert!(reach(&full) > reach(&straight) + 0.01 / GORES);
+        }
+    }
+
+    /// Two sails that are joined at the seams alone: their edges are as long as their fullness says and lie in one plane, the slot between them has the area of the two polygons,
+    /// seams run through, and tapes follow both edges. The cloth is that of sails with a gap between them.
+    #[test]
+    fn a_slot_opens_between_two_edges() {
+        for (cells, [upper, lower]) in [(2, [0.0, 0.1]), (4, [0.12, 0.02]), (6, [0.05, 0.2])] {
+            let slotted = canopy(
+                vec![
+                    section(2.0, 20.0, [0.0, upper]),
+                    GoreSection { crescent_slot: true, ..section(2.0, 50.0, [lower, 0.0]) },
+                ],
+                cells,
+            );
+            let mut s = scene(Canopy::Gored(slotted.clone()));
+            let tape = Some(case::Tape { axial_stiffness_n: 1e4, mass_kg_m: 0.01, ..case::Tape::default() });
+            s.tapes = Some(Tapes { vents: tape, seams: tape, ..Tapes::default() });
+            let mesh = structure_mesh(&s).unwrap();
+            let (gores, cells) = (24, cells as usize);
+            let columns = gores * cells;
+            // A whole ring more, less the nodes of the seams.
+            assert_eq!(mesh.n_canopy, 9 * columns + columns - gores);
+            let layout = super::super::gored::GoreLayout::new(&slotted);
+            let edge = |ring: usize| -> Vec<Vec3> {
+                (0..=cells).map(|c| at(&mesh.coords, layout.node(c, ring))).collect()
+            };
+            let [above, below] = [edge(4), edge(5)];
+            assert_eq!([above[0], above[cells]], [below[0], below[cells]]);
+            let width = (above[cells] - above[0]).norm();
+            let area =
+                |x: &[Vec3]| x.windows(2).map(|p| 0.5 * (p[0] - x[0]).cross(&(p[1] - x[0]))).sum::<Vec3>();
+            let segment = |fullness: f64| {
+                if fullness == 0.0 {
+                    return 0.0;
+                }
+                let (alpha, n) = (half_angle(fullness, cells), cells as f64);
+                let radius = 0.5 * width / alpha.sin();
+                0.5 * radius * radius * (n * (2.0 * alpha / n).sin() - (2.0 * alpha).sin())
+            };
+            let exact = segment(upper) - segment(lower);
+            let open = area(&above).norm() - area(&below).norm();
+            assert!(
+                exact.abs() > 0.01 * width * width && (open / exact - 1.0).abs() < 1e-9,
+                "{cells}: {open} {exact}"
+            );
+            // In one plane: the areas are parallel.
+            assert!(area(&above).cross(&area(&below)).norm() < 1e-12);
+            let length = |x: &[Vec3]| x.windows(2).map(|p| (p[1] - p[0]).norm()).sum::<f64>();
+            for (x, fullness) in [(&above, upper), (&below, lower)] {
+                assert!((length(x) / width - 1.0 - fullness).abs() < 1e-12);
+            }
+            let tapes = |place| mesh.cable_length(CableKind::Tape(place));
+            let vent = length(&edge(0));
+            let bands = gores as f64 * (vent + length(&above) + length(&below));
+            assert!((tapes(TapePlace::Vents) / bands - 1.0).abs() < 1e-12);
+            let rings: Vec<Vec3> = (0..=9).map(|ring| at(&mesh.coords, layout.node(0, ring))).collect();
+            let radial = gores as f64 * (length(&rings) + rings[0].xy().norm());
+            assert!((tapes(TapePlace::Seams) / radial - 1.0).abs() < 1e-12);
+            // Every face has four nodes of its own gore, none is flat.
+            let flat = |t: &[u32; 3]| {
+                let [a, b, c] = t.map(|n| at(&mesh.coords, n));
+                (b - a).cross(&(c - a)).norm() < 1e-6
+            };
+            assert!(!mesh.triangles.iter().any(flat));
+            assert_eq!(mesh.faces.len(), 8 * columns);
         }
     }
 

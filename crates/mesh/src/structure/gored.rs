@@ -10,7 +10,7 @@
 //! ```
 //! The vent counts as the first section continued to the axis.
 //!
-//! Sails with fullness ([`fullness`]) are straight across only at their seams.
+//! Sails with fullness ([`fullness`]) are straight across only at their seams. Where two of them are joined at the seams alone, their edges enclose a crescent slot.
 
 use std::f64::consts::PI;
 
@@ -19,6 +19,7 @@ use case::{GoreProfile, GoreSection, GoredCanopy, TapePlace, Tapes};
 use super::fullness;
 use super::suspension::{Payload, Suspension};
 use super::{positive, refuse};
+use crate::geometry::Point;
 use crate::{MeshError, StructureMesh};
 
 /// Nodes of a canopy of gores: rings from the vent to the skirt.
@@ -26,16 +27,28 @@ pub(super) struct GoreLayout {
     gores: usize,
     /// Cells across a gore.
     across: usize,
-    /// Whether the row between a ring and the next is fabric, not a gap.
+    /// Whether the row between a ring and the next is fabric, not an opening.
     fabric: Vec<bool>,
+    /// Nodes of all rings, column by column. The seams pass a slot: both of its rings have their nodes.
+    nodes: Vec<u32>,
 }
 
 impl GoreLayout {
     pub fn new(p: &GoredCanopy) -> Self {
         let counts = cells(&sections(p), p.cells_along as usize);
-        let row = |(s, n): (GoreSection, usize)| std::iter::repeat_n(!s.gap, n);
-        let fabric = sections(p).into_iter().zip(counts).flat_map(row).collect();
-        Self { gores: p.gores as usize, across: p.cells_per_gore as usize, fabric }
+        let rows = || sections(p).into_iter().zip(&counts).flat_map(|(s, n)| std::iter::repeat_n(s, *n));
+        let (gores, across) = (p.gores as usize, p.cells_per_gore as usize);
+        let mut nodes: Vec<u32> = (0..(gores * across) as u32).collect();
+        let mut next = nodes.len() as u32;
+        for row in rows() {
+            for column in 0..gores * across {
+                let seam = column % across == 0;
+                let above = nodes[nodes.len() - gores * across];
+                nodes.push(if is_slot(&row) && seam { above } else { next });
+                next = next.max(nodes[nodes.len() - 1] + 1);
+            }
+        }
+        Self { gores, across, fabric: rows().map(|row| !row.gap).collect(), nodes }
     }
 
     /// Rows of cells along a gore, gaps included.
@@ -49,8 +62,8 @@ impl GoreLayout {
     }
 
     /// Node in a column, counted around the axis from seam 0, and a ring, counted from the vent.
-    fn node(&self, column: usize, ring: usize) -> u32 {
-        (ring * self.columns() + column % self.columns()) as u32
+    pub fn node(&self, column: usize, ring: usize) -> u32 {
+        self.nodes[ring * self.columns() + column % self.columns()]
     }
 
     /// Node of seam `gore` in a ring.
@@ -65,10 +78,17 @@ impl GoreLayout {
     }
 }
 
-/// Sections of the gores; a profile of one piece is one section.
+/// Whether a section is a slot between two sails: without length, its rings are joined at the seams.
+pub(super) fn is_slot(s: &GoreSection) -> bool {
+    s.gap && s.length == 0.0
+}
+
+/// Sections of the gores, slots among them; a profile of one piece is one section.
 fn sections(p: &GoredCanopy) -> Vec<GoreSection> {
+    let slot = GoreSection { gap: true, ..GoreSection::default() };
+    let with_slot = |s: &GoreSection| s.crescent_slot.then_some(slot).into_iter().chain([*s]);
     match p.profile {
-        GoreProfile::Sections => p.sections.clone(),
+        GoreProfile::Sections => p.sections.iter().flat_map(with_slot).collect(),
         _ => vec![GoreSection {
             length: 1.0,
             angle_deg: p.cone_angle_deg.unwrap_or(0.0),
@@ -157,6 +177,12 @@ fn scale(sections: &[GoreSection], vent: f64, integral: f64) -> Option<f64> {
 pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureMesh, MeshError> {
     let layout = GoreLayout::new(p);
     let mut mesh = StructureMesh::default();
+    // A seam that passes a slot has its node already.
+    let add = |mesh: &mut StructureMesh, node: u32, x: Point| {
+        if node as usize == mesh.coords.len() {
+            mesh.coords.push(x);
+        }
+    };
     let sails = fullness::edges(&sections(p), &cells(&sections(p), p.cells_along as usize));
     for (ring, [r, z]) in rings(p)?.into_iter().enumerate() {
         // Seams are as far from the axis as the corners of a polygon, the cloth between them is straight.
@@ -168,12 +194,15 @@ pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureM
             let [a, b] = [corner(gore), corner(gore + 1)];
             if let Some(edge) = sails.get(ring).filter(|e| e.fullness > 0.0) {
                 let [a, b] = [a, b].map(|x| [x[0], x[1], z]);
-                mesh.coords.extend(edge.nodes(a, b, layout.across));
+                for (i, x) in edge.nodes(a, b, layout.across).enumerate() {
+                    add(&mut mesh, layout.node(gore * layout.across + i, ring), x);
+                }
                 continue;
             }
             for i in 0..layout.across {
                 let t = i as f64 / layout.across as f64;
-                mesh.coords.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z]);
+                let x = [a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1]), z];
+                add(&mut mesh, layout.node(gore * layout.across + i, ring), x);
             }
         }
     }
@@ -202,7 +231,7 @@ pub(super) fn gored(p: &GoredCanopy, payload: &Payload<'_>) -> Result<StructureM
 }
 
 impl StructureMesh {
-    /// Tapes of a canopy of gores: the skirt band (`hem`), bands at the vent and at the edges of gaps (`vents`), and the radials along the seams over gaps, each
+    /// Tapes of a canopy of gores: the skirt band (`hem`), bands at the vent and at the edges of gaps and slots (`vents`), and the radials along the seams over gaps, each
     /// of which runs on as a vent line to the seam on the other side (`seams`).
     pub(super) fn tape_gores(&mut self, p: &GoredCanopy, tapes: &Tapes) {
         let layout = GoreLayout::new(p);
@@ -220,7 +249,9 @@ impl StructureMesh {
                 let other = gore + layout.gores / 2;
                 let up = (0..=layout.along()).rev().map(|ring| layout.seam(gore, ring));
                 let down = (0..=layout.along()).map(|ring| layout.seam(other, ring));
-                self.tape(TapePlace::Seams, up.chain(down));
+                let mut radial: Vec<u32> = up.chain(down).collect();
+                radial.dedup();
+                self.tape(TapePlace::Seams, radial.into_iter());
             }
         }
     }

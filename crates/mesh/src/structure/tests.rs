@@ -19,6 +19,7 @@ fn cloth() -> Fabric {
         wrinkling: true,
         prestress_pa: 0.0,
         bending_stiffness_n_m: None,
+        hysteresis: None,
         orthotropic: None,
         permeability: None,
         contact: None,
