@@ -144,6 +144,7 @@ STATISTICS = {
         "air_force_z": 40,
         "membrane_force_over_strength": 41,
         "membrane_force_over_strength_99": 42,
+        "prescribed_work": 43,
     },
     "flow": {
         "force_x": 0,

@@ -59,6 +59,11 @@ impl Works {
         self.0[..Self::RESIDUAL].iter().sum()
     }
 
+    /// Work of prescribed motions, of constant forces and of reefing lines that change.
+    pub fn prescribed(&self) -> f64 {
+        [Self::FORCE, Self::MOTION, Self::SCHEDULE].iter().map(|kind| self.0[*kind]).sum()
+    }
+
     /// Sum of their sizes.
     pub fn sizes(&self) -> f64 {
         self.0[..Self::RESIDUAL].iter().map(|w| w.abs()).sum()

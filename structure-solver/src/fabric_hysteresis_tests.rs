@@ -152,12 +152,12 @@ fn cloth_returns_its_share_of_the_energy() {
     let explicit_quads = format!("{EXPLICIT}\n{quads}");
     let implicit_quads = format!("{IMPLICIT}\n{quads}");
     for (fabric, structure, substeps, error) in [
-        ("", IMPLICIT, 4, 3e-3),
-        ("", IMPLICIT, 16, 1e-3),
-        ("", implicit_quads.as_str(), 4, 3e-3),
-        ("wrinkling = true", IMPLICIT, 4, 3e-3),
-        ("", EXPLICIT, 4, 1e-3),
-        ("wrinkling = true", explicit_quads.as_str(), 4, 1e-3),
+        ("", IMPLICIT, 4, 1.5e-3),
+        ("", IMPLICIT, 16, 5e-4),
+        ("", implicit_quads.as_str(), 4, 1.5e-3),
+        ("wrinkling = true", IMPLICIT, 4, 1.5e-3),
+        ("", EXPLICIT, 4, 2e-4),
+        ("wrinkling = true", explicit_quads.as_str(), 4, 2e-4),
     ] {
         returns_its_share(fabric, structure, substeps, error);
     }

@@ -320,6 +320,7 @@ impl StructureSolver {
         v[stat::KINETIC_ENERGY] = m.kinetic;
         v[stat::STRAIN_ENERGY] = m.strain;
         v[stat::LOAD_WORK] = info.load_work;
+        v[stat::PRESCRIBED_WORK] = info.works.prescribed();
         v[stat::NEWTON_STEPS] = info.newton_steps as f64;
         v[stat::GMRES_ITERATIONS] = (cost.iterations - before.iterations) as f64;
         v[stat::FACTORISATIONS] = (cost.factorisations - before.factorisations) as f64;

@@ -84,6 +84,7 @@ impl<'a> Coupled<'a> {
             support: model.support(&forces).0,
             momentum: Vec3::from_column_slice(&stats.values[structure_stats::MOMENTUM..][..3]),
             work: self.work.1,
+            prescribed_work: stats.values[structure_stats::PRESCRIBED_WORK],
             energy: [
                 stats.values[structure_stats::KINETIC_ENERGY],
                 stats.values[structure_stats::STRAIN_ENERGY],

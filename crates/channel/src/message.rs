@@ -130,6 +130,9 @@ pub mod structure_stats {
     pub const MEMBRANE_FORCE_OVER_STRENGTH: usize = 41;
     /// Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as `MEMBRANE_FORCE_OVER_STRENGTH`.
     pub const MEMBRANE_FORCE_OVER_STRENGTH_99: usize = 42;
+    /// Part of `WORK` that comes from neither load nor gravity, J: of prescribed motions, of constant forces on nodes, of reefing lines that are drawn in or cut; all
+    /// relative to the frame. 0: none, or not reported.
+    pub const PRESCRIBED_WORK: usize = 43;
 }
 
 /// Indices into [`Stats::values`] of the flow.

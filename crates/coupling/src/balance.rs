@@ -49,6 +49,8 @@ pub struct WindowTerms {
     pub momentum: Vec3,
     /// Work of the air on the canopy in the frame, J.
     pub work: f64,
+    /// Work of prescribed motions in the frame, J.
+    pub prescribed_work: f64,
     /// Kinetic and strain energy of the structure at the end, J.
     pub energy: [f64; 2],
 }
@@ -68,7 +70,8 @@ pub struct SystemBalance {
     pub impulse: f64,
     /// Impulse of the weight so far, N s.
     weight_impulse: f64,
-    start_j: f64,
+    /// Energy at the start, and the work since of what is not air, J.
+    supplied_j: f64,
     /// Energy now, J.
     pub energy_j: f64,
     /// Work of the air, J.
@@ -99,13 +102,14 @@ impl SystemBalance {
                 work += p.dot(&(Vec3::new(0.0, 0.0, g * w.dt) + v1 - v0));
             }
             self.air_work_j += work;
+            self.supplied_j += w.prescribed_work;
             self.exchanged_j += w.work.abs() + (mean.dot(&air) * w.dt).abs();
         }
         let (m, [kinetic, strain]) = (model.mass_kg, w.energy);
         let moving = 0.5 * m * v1.norm_squared() + v1.dot(&w.momentum) + kinetic;
         self.energy_j = moving + strain + g * (m * self.height_m + self.moment);
         if self.windows == 0 {
-            self.start_j = self.energy_j;
+            self.supplied_j = self.energy_j;
         }
         self.windows += 1;
     }
@@ -117,7 +121,7 @@ impl SystemBalance {
 
     /// Energy created (positive) or dissipated (negative) so far, J.
     pub fn created_j(&self) -> f64 {
-        if self.windows == 0 { 0.0 } else { self.energy_j - self.start_j - self.air_work_j }
+        if self.windows == 0 { 0.0 } else { self.energy_j - self.supplied_j - self.air_work_j }
     }
 
     /// [`SystemBalance::created_j`] relative to the work exchanged; zero before any work.
@@ -209,6 +213,7 @@ mod tests {
                 support: (air - b * FABRIC) * support,
                 momentum: u * FABRIC,
                 work: air.dot(&(slide(t1) - slide(t0))),
+                prescribed_work: 0.0,
                 energy: [0.5 * FABRIC * u.norm_squared(), line.dot(&slide(t1))],
             };
             balance.add_window(&model(weight), &terms);
@@ -263,6 +268,19 @@ mod tests {
         balance.energy_j += 0.1 * balance.exchanged_j;
         assert!((balance.share() - 0.1).abs() < 1e-9, "{}", balance.share());
         assert_eq!(SystemBalance::default().share(), 0.0);
+    }
+
+    /// Energy that a winch in the frame adds is not created, from the second window on.
+    #[test]
+    fn work_of_prescribed_motions_is_not_created() {
+        let mut balance = SystemBalance::default();
+        let rest = model(Weight::Structure);
+        for i in 0..5 {
+            let energy = [0.0, 3.0 * f64::from(i)];
+            let terms = WindowTerms { dt: DT, prescribed_work: 3.0, energy, ..WindowTerms::default() };
+            balance.add_window(&rest, &terms);
+        }
+        assert_eq!((balance.energy_j, balance.created_j()), (12.0, 0.0));
     }
 
     #[test]

@@ -66,6 +66,7 @@ module ripstop
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_AIR_FORCE = 39  ! N
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH = 42  ! 1
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 43  ! 1
+  integer(c_int), parameter :: RIPSTOP_STRUCTURE_PRESCRIBED_WORK = 44  ! J
   integer(c_int), parameter :: RIPSTOP_FLOW_FORCE = 1  ! N
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_START = 4  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_END = 5  ! 1

@@ -90,7 +90,8 @@ enum {
     RIPSTOP_STRUCTURE_MOMENTUM = 35, /* Momentum of all free components of nodes, relative to the frame, at the end of the window, N s: 35, 36, 37; read as SUPPORT_FORCE. */
     RIPSTOP_STRUCTURE_AIR_FORCE = 38, /* Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has lines.drag or descent.body. */
     RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH = 41, /* Largest membrane force over the strength of its cloth at the end of the window, where cloths of a mesh file have strengths of their own. 0: no tension, no strength, or not reported. */
-    RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 42 /* Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as MEMBRANE_FORCE_OVER_STRENGTH. */
+    RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 42, /* Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as MEMBRANE_FORCE_OVER_STRENGTH. */
+    RIPSTOP_STRUCTURE_PRESCRIBED_WORK = 43 /* Part of WORK that comes from neither load nor gravity, J: of prescribed motions, of constant forces on nodes, of reefing lines that are drawn in or cut; all relative to the frame. 0: none, or not reported. */
 };
 
 /* Indices into `statistics` of the flow. The numbers of a vector follow each other: x, y, z. */

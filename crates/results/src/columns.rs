@@ -99,8 +99,8 @@ pub const HISTORY: &[Column] = &[
     column("system_air_work_j", "Work of the air on the system, summed over the stage."),
     column(
         "system_energy_created_j",
-        "Energy of the system less the work done on it: what time integration, damping and coupling add (below 0: \
-         remove).",
+        "Energy of the system less the work of the air and of prescribed motions on it: what time integration, damping and \
+         coupling add (below 0: remove).",
     ),
     column("structure_kinetic_energy_j", "Kinetic energy of the structure at the end of the window."),
     column("structure_strain_energy_j", "Strain energy of the structure at the end of the window."),
@@ -110,6 +110,10 @@ pub const HISTORY: &[Column] = &[
         "Work of loads, gravity and prescribed motions on the structure in the window, less what damping dissipates.",
     ),
     column("structure_work_sum_j", "The same, summed over the stage."),
+    column(
+        "structure_prescribed_work_j",
+        "Part of `structure_work_j` by prescribed motions, constant forces on nodes, and reefing lines that are drawn in or cut.",
+    ),
     column(
         "structure_energy_created_j",
         "Energy that time integration creates in the window (below 0: dissipates).",

@@ -127,7 +127,7 @@ impl Column {
 }
 
 /// Statistics of the structure.
-const STRUCTURE_COLUMNS: [Column; 28] = {
+const STRUCTURE_COLUMNS: [Column; 29] = {
     use structure_stats as s;
     [
         Column::number("structure_kinetic_energy_j", s::KINETIC_ENERGY),
@@ -135,6 +135,7 @@ const STRUCTURE_COLUMNS: [Column; 28] = {
         Column::number("structure_load_work_j", s::LOAD_WORK),
         Column::number("structure_work_j", s::WORK),
         Column::number("structure_work_sum_j", s::WORK_SUM),
+        Column::number("structure_prescribed_work_j", s::PRESCRIBED_WORK),
         Column::number("structure_energy_created_j", s::ENERGY_CREATED),
         Column::number("structure_energy_created_sum_j", s::ENERGY_CREATED_SUM),
         Column::number("structure_energy_throughput_j", s::ENERGY_THROUGHPUT),
