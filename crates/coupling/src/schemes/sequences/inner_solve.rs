@@ -53,9 +53,22 @@ pub struct InnerSolve {
     pub defect: Vec<f64>,
     /// The iterate, and after a solve the unknowns closest to equilibrium.
     pub x: Vec<f64>,
+    /// Added-mass load of the surrogate, in the layout of the response.
+    added_mass_load: Vec<f64>,
+    /// Swept volume at the end of the last window, m3.
+    swept_volume: f64,
     x_tilde: Vec<f64>,
     next: Vec<f64>,
     best: Vec<f64>,
+}
+
+/// What the surrogate had at a flow solve, about which secants correct it.
+#[derive(Clone, Copy)]
+pub struct FlowSolve<'a> {
+    /// Its added-mass load, in the layout of the response.
+    pub added_mass_load: &'a [f64],
+    /// Swept volume, m3.
+    pub swept_volume: f64,
 }
 
 impl InnerSolve {
@@ -71,6 +84,8 @@ impl InnerSolve {
             response: vec![0.0; m],
             defect: vec![0.0; m],
             x: vec![0.0; n],
+            added_mass_load: vec![0.0; m],
+            swept_volume: 0.0,
             x_tilde: vec![0.0; n],
             next: vec![0.0; n],
             best: vec![0.0; n],
@@ -78,7 +93,7 @@ impl InnerSolve {
     }
 
     /// Solves structure and descent against the surrogate plus defect, starting from [`InnerSolve::x`], to
-    /// `tolerance`. Secants correct the defect for the change of the added-mass load from `about`, where given.
+    /// `tolerance`. Secants correct the defect for the change of the added-mass load from the last flow solve `about` of the window, where there was one.
     /// Returns the relative residual.
     ///
     /// # Errors
@@ -87,10 +102,11 @@ impl InnerSolve {
         &mut self,
         state: &mut WindowState,
         solvers: &mut Solvers<'_>,
-        about: Option<&[f64]>,
+        about: Option<FlowSolve<'_>>,
         tolerance: f64,
     ) -> Result<f64, RunError> {
         let _part = timing::part("inner solve");
+        self.accelerator.stiffen(self.model.volume_stiffness(), state.window.dt);
         self.accelerator.begin_window();
         let mut best = f64::INFINITY;
         for count in 1..=MAX_SOLVES {
@@ -119,10 +135,14 @@ impl InnerSolve {
     }
 
     /// The surrogate's response to the iterate at the end of a window of length `dt`.
-    fn predict_response(&mut self, dt: f64, about: Option<&[f64]>) {
+    fn predict_response(&mut self, dt: f64, about: Option<FlowSolve<'_>>) {
         self.model.added_mass_load(&self.x, dt, &mut self.response);
-        if let Some(about) = about {
-            let change: Vec<f64> = self.response.iter().zip(about).map(|(x, a)| x - a).collect();
+        self.added_mass_load.copy_from_slice(&self.response);
+        // The defect has the pressure of a closed volume at the last flow solve, or at the end of the last window.
+        let known = about.map_or(self.swept_volume, |about| about.swept_volume);
+        self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
+        if let Some(FlowSolve { added_mass_load: about, .. }) = about {
+            let change: Vec<f64> = self.added_mass_load.iter().zip(about).map(|(x, a)| x - a).collect();
             self.model.apply_correction(&change, &mut self.response);
         }
         self.response.iter_mut().zip(&self.defect).for_each(|(a, r)| *a += r);
@@ -195,6 +215,7 @@ impl InnerSolve {
         let response = self.response.iter().zip(defect).map(|(i, r)| i + r).collect();
         self.ends.push_front(WindowEnd { response, acceleration, dt });
         self.ends.truncate(ENDS);
+        self.swept_volume = self.model.swept_volume(x);
         self.model.accept(x, dt);
     }
 
@@ -205,7 +226,7 @@ impl InnerSolve {
 
     /// State that later windows depend on.
     pub fn save_state(&self) -> Vec<u8> {
-        pack(&(self.model.save_state(), &self.ends, self.accelerator.save_state()))
+        pack(&(self.model.save_state(), &self.ends, self.swept_volume, self.accelerator.save_state()))
     }
 
     /// Restores an [`InnerSolve::save_state`] of the same scheme.
@@ -213,9 +234,9 @@ impl InnerSolve {
     /// # Errors
     /// A state of another one.
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
-        let (model, ends, accelerator): (Vec<u8>, _, Vec<u8>) = unpack(saved)?;
+        let (model, ends, swept_volume, accelerator): (Vec<u8>, _, _, Vec<u8>) = unpack(saved)?;
         self.model.restore_state(&model)?.iter().for_each(|update| self.follow(update));
-        self.ends = ends;
+        (self.ends, self.swept_volume) = (ends, swept_volume);
         self.accelerator.restore_state(&accelerator)
     }
 }
