@@ -29,7 +29,7 @@ pub struct BlockQuasiNewton {
     /// The last sweep in this window.
     last: Option<LastSweep>,
     has_history: bool,
-    /// A closed volume was found in this sweep: its iterate is far off, and the next one starts anew.
+    /// A closed volume was found in this sweep: its iterate is far off, and the next solve starts again from that of the window.
     restart: bool,
     applied: AppliedLoad,
 }

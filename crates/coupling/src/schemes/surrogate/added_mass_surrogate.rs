@@ -388,7 +388,7 @@ impl AddedMassSurrogate {
         forces.iter_mut().zip(&area.as_slice()[self.force_axes()]).for_each(|(f, a)| *f += a * pressure);
     }
 
-    /// Forgets that a volume is closed.
+    /// Resets what is known of a closed volume.
     pub fn open_volume(&mut self) {
         self.closed = ClosedVolume::default();
     }
