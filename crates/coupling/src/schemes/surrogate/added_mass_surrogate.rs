@@ -346,7 +346,7 @@ impl AddedMassSurrogate {
         let length = norm(&step);
         let is_steep = |change: &[f64]| norm(change) > STEEP_SLOPE * length;
         let finding = if is_steep(&change) {
-            self.closed.learn(volume, &change[..self.loads_len()], load)
+            self.closed.identify(volume, &change[..self.loads_len()], load)
         } else {
             Finding::Nothing
         };
@@ -532,7 +532,7 @@ mod tests {
     /// A plate over a closed volume: the first response of one pressure gives the stiffness, whatever motion follows has the pressure of its volume, secants have
     /// none of it, and the saved state knows it.
     #[test]
-    fn a_closed_volume_is_learnt_from_its_first_response() {
+    fn a_closed_volume_is_identified_by_its_first_response() {
         let (positions, faces) = plate(CELLS);
         let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::Vertical);
         let rest = vec![0.0; 3 * positions.len()];

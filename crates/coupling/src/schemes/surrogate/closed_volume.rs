@@ -4,7 +4,7 @@
 //! ```math
 //! \Delta p = -K\, \Delta V, \qquad K = \rho c^2 / V_c
 //! ```
-//! where the canopy sweeps $`\Delta V`$. Against a light fabric that is a constraint: the added mass of the surrogate has no part of it, and the secants learn it
+//! where the canopy sweeps $`\Delta V`$. Against a light fabric that is a constraint: the added mass of the surrogate has no part of it, and the secants get it
 //! shape by shape. The stiffness $`K`$ is found from the first response that is one pressure and far larger than that of added mass.
 
 use channel::LOAD_WIDTH;
@@ -29,7 +29,7 @@ pub struct ClosedVolume {
     found_over: f64,
 }
 
-/// What a response told of the volume.
+/// What a response shows of the volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Finding {
     /// Nothing new.
@@ -51,9 +51,9 @@ impl ClosedVolume {
         -self.stiffness * volume
     }
 
-    /// Learns from loads `[faces][LOAD_WIDTH]` (Pa) that changed by `change` where the canopy swept `volume` (m3), a response that is far larger than that of added
+    /// Takes K from loads `[faces][LOAD_WIDTH]` (Pa) that changed by `change` where the canopy swept `volume` (m3), a response that is far larger than that of added
     /// mass; `load`: norm of the loads.
-    pub fn learn(&mut self, volume: f64, change: &[f64], load: f64) -> Finding {
+    pub fn identify(&mut self, volume: f64, change: &[f64], load: f64) -> Finding {
         let faces = (change.len() / LOAD_WIDTH) as f64;
         let mean = change.iter().step_by(LOAD_WIDTH).sum::<f64>() / faces;
         let one_pressure = mean.abs() * faces.sqrt();
@@ -95,15 +95,19 @@ mod tests {
     #[test]
     fn one_pressure_shows_a_closed_volume_and_a_smaller_clear_change_its_stiffness() {
         let mut air = ClosedVolume::default();
-        let learn = |air: &mut ClosedVolume, volume, p| air.learn(volume, &loads(p), 2.0);
-        assert_eq!(learn(&mut air, 1e-3, [-1.0, -0.5, -1.0, -1.0]), Finding::Nothing, "not one pressure");
-        assert_eq!(learn(&mut air, 1e-3, [1.0; 4]), Finding::Nothing, "grows with the volume");
-        assert_eq!(learn(&mut air, 0.0, [1.0; 4]), Finding::Nothing);
+        let identify = |air: &mut ClosedVolume, volume, p| air.identify(volume, &loads(p), 2.0);
+        assert_eq!(identify(&mut air, 1e-3, [-1.0, -0.5, -1.0, -1.0]), Finding::Nothing, "not one pressure");
+        assert_eq!(identify(&mut air, 1e-3, [1.0; 4]), Finding::Nothing, "grows with the volume");
+        assert_eq!(identify(&mut air, 0.0, [1.0; 4]), Finding::Nothing);
         assert_eq!((air.stiffness(), air.pressure(1.0)), (0.0, 0.0));
-        assert_eq!(learn(&mut air, 1e-3, [-300.0; 4]), Finding::Closed);
-        assert_eq!(learn(&mut air, 2e-3, [-900.0; 4]), Finding::Nothing, "a larger change");
-        assert_eq!(learn(&mut air, -1e-6, [0.09; 4]), Finding::Nothing, "within the tolerance of the flow");
-        assert_eq!(learn(&mut air, -1e-5, [2.0, 2.01, 1.99, 2.0]), Finding::Better);
+        assert_eq!(identify(&mut air, 1e-3, [-300.0; 4]), Finding::Closed);
+        assert_eq!(identify(&mut air, 2e-3, [-900.0; 4]), Finding::Nothing, "a larger change");
+        assert_eq!(
+            identify(&mut air, -1e-6, [0.09; 4]),
+            Finding::Nothing,
+            "within the tolerance of the flow"
+        );
+        assert_eq!(identify(&mut air, -1e-5, [2.0, 2.01, 1.99, 2.0]), Finding::Better);
         assert!((air.stiffness() - 2e5).abs() < 1e-6 && (air.pressure(1e-4) + 20.0).abs() < 1e-9);
     }
 }
