@@ -205,7 +205,7 @@ mod tests {
     /// seams run through, and tapes follow both edges. The cloth is that of sails with a gap between them.
     #[test]
     fn a_slot_opens_between_two_edges() {
-        for (cells, [upper, lower]) in [(2, [0.0, 0.1]), (4, [0.12, 0.02]), (6, [0.05, 0.2])] {
+        for (cells, [upper, lower]) in [(2, [0.1, 0.0]), (4, [0.12, 0.02]), (6, [0.05, 0.2])] {
             let slotted = canopy(
                 vec![
                     section(2.0, 20.0, [0.0, upper]),
@@ -246,6 +246,12 @@ mod tests {
             );
             // In one plane: the areas are parallel.
             assert!(area(&above).cross(&area(&below)).norm() < 1e-12);
+            // Along the mean of the normals of both sails, 35 degrees below the horizontal.
+            let bulge = above[cells / 2] - 0.5 * (above[0] + above[cells]);
+            if upper > 0.0 {
+                let slope = bulge.xy().norm() / bulge.z;
+                assert!((slope - 35_f64.to_radians().tan()).abs() < 1e-9, "{slope}");
+            }
             let length = |x: &[Vec3]| x.windows(2).map(|p| (p[1] - p[0]).norm()).sum::<f64>();
             for (x, fullness) in [(&above, upper), (&below, lower)] {
                 assert!((length(x) / width - 1.0 - fullness).abs() < 1e-12);
