@@ -55,8 +55,6 @@ pub struct InnerSolve {
     pub x: Vec<f64>,
     /// Added-mass load of the surrogate, in the layout of the response.
     added_mass_load: Vec<f64>,
-    /// Swept volume at the end of the last window, m3.
-    swept_volume: f64,
     x_tilde: Vec<f64>,
     next: Vec<f64>,
     best: Vec<f64>,
@@ -85,7 +83,6 @@ impl InnerSolve {
             defect: vec![0.0; m],
             x: vec![0.0; n],
             added_mass_load: vec![0.0; m],
-            swept_volume: 0.0,
             x_tilde: vec![0.0; n],
             next: vec![0.0; n],
             best: vec![0.0; n],
@@ -139,8 +136,10 @@ impl InnerSolve {
         self.model.added_mass_load(&self.x, dt, &mut self.response);
         self.added_mass_load.copy_from_slice(&self.response);
         // The defect has the pressure of a closed volume at the last flow solve, or at the end of the last window.
-        let known = about.map_or(self.swept_volume, |about| about.swept_volume);
-        self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
+        if self.model.volume_stiffness() > 0.0 {
+            let known = about.map_or_else(|| self.model.swept_volume_at_start(), |about| about.swept_volume);
+            self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
+        }
         if let Some(FlowSolve { added_mass_load: about, .. }) = about {
             let change: Vec<f64> = self.added_mass_load.iter().zip(about).map(|(x, a)| x - a).collect();
             self.model.apply_correction(&change, &mut self.response);
@@ -215,7 +214,6 @@ impl InnerSolve {
         let response = self.response.iter().zip(defect).map(|(i, r)| i + r).collect();
         self.ends.push_front(WindowEnd { response, acceleration, dt });
         self.ends.truncate(ENDS);
-        self.swept_volume = self.model.swept_volume(x);
         self.model.accept(x, dt);
     }
 
@@ -226,7 +224,7 @@ impl InnerSolve {
 
     /// State that later windows depend on.
     pub fn save_state(&self) -> Vec<u8> {
-        pack(&(self.model.save_state(), &self.ends, self.swept_volume, self.accelerator.save_state()))
+        pack(&(self.model.save_state(), &self.ends, self.accelerator.save_state()))
     }
 
     /// Restores an [`InnerSolve::save_state`] of the same scheme.
@@ -234,9 +232,9 @@ impl InnerSolve {
     /// # Errors
     /// A state of another one.
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
-        let (model, ends, swept_volume, accelerator): (Vec<u8>, _, _, Vec<u8>) = unpack(saved)?;
+        let (model, ends, accelerator): (Vec<u8>, _, Vec<u8>) = unpack(saved)?;
         self.model.restore_state(&model)?.iter().for_each(|update| self.follow(update));
-        (self.ends, self.swept_volume) = (ends, swept_volume);
+        self.ends = ends;
         self.accelerator.restore_state(&accelerator)
     }
 }

@@ -371,9 +371,15 @@ impl AddedMassSurrogate {
         self.closed.stiffness()
     }
 
-    /// Volume that the canopy sweeps from its unstressed shape to the unknowns `x`, m3.
+    /// Volume that the canopy sweeps from its unstressed shape to the unknowns `x`, m3. Only differences between two values of one update of the surrogate have a
+    /// meaning.
     pub fn swept_volume(&self, x: &[f64]) -> f64 {
         closed_volume::swept(&self.faces, &self.areas, self.unknowns.displacement(x))
+    }
+
+    /// The same at the end of the last window.
+    pub fn swept_volume_at_start(&self) -> f64 {
+        closed_volume::swept(&self.faces, &self.areas, &self.kinematics[0].displacement)
     }
 
     /// Adds the pressure of a closed volume that grew by `volume` (m3) to `response`.
@@ -547,6 +553,7 @@ mod tests {
             positions.iter().flat_map(|p| [0.0, 0.0, 1e-4 + 2e-4 * p[0]]).chain([0.0]).collect();
         let volume = model.swept_volume(&x);
         assert!((volume - 2e-4).abs() < 1e-12, "{volume}");
+        assert_eq!(model.swept_volume_at_start(), 0.0);
         let (stiffness, mut response) = (2e5, vec![0.0; model.response_len()]);
         model.add_volume_pressure(volume, &mut response);
         assert!(response.iter().all(|p| *p == 0.0), "open air has none");
@@ -563,6 +570,8 @@ mod tests {
         assert!(norm(&corrected) < 1e-9, "a secant has the pressure of the volume: {}", norm(&corrected));
         model.add_volume_pressure(3e-5, &mut response);
         assert!((response[4] + 6.0).abs() < 1e-9 && (response[model.loads_len()] + 6.0).abs() < 1e-9);
+        model.accept(&x, 1.0);
+        assert!((model.swept_volume_at_start() - volume).abs() < 1e-15);
         let mut again = new();
         again.restore_state(&model.save_state()).expect("its state");
         assert_eq!(again.volume_stiffness(), model.volume_stiffness());
