@@ -53,20 +53,9 @@ pub struct InnerSolve {
     pub defect: Vec<f64>,
     /// The iterate, and after a solve the unknowns closest to equilibrium.
     pub x: Vec<f64>,
-    /// Added-mass load of the surrogate, in the layout of the response.
-    added_mass_load: Vec<f64>,
     x_tilde: Vec<f64>,
     next: Vec<f64>,
     best: Vec<f64>,
-}
-
-/// What the surrogate had at a flow solve, about which secants correct it.
-#[derive(Clone, Copy)]
-pub struct FlowSolve<'a> {
-    /// Its added-mass load, in the layout of the response.
-    pub added_mass_load: &'a [f64],
-    /// Swept volume, m3.
-    pub swept_volume: f64,
 }
 
 impl InnerSolve {
@@ -82,7 +71,6 @@ impl InnerSolve {
             response: vec![0.0; m],
             defect: vec![0.0; m],
             x: vec![0.0; n],
-            added_mass_load: vec![0.0; m],
             x_tilde: vec![0.0; n],
             next: vec![0.0; n],
             best: vec![0.0; n],
@@ -90,7 +78,7 @@ impl InnerSolve {
     }
 
     /// Solves structure and descent against the surrogate plus defect, starting from [`InnerSolve::x`], to
-    /// `tolerance`. Secants correct the defect for the change of the added-mass load from the last flow solve `about` of the window, where there was one.
+    /// `tolerance`. Secants correct the defect for the change of the added-mass load from `about`, where given.
     /// Returns the relative residual.
     ///
     /// # Errors
@@ -99,11 +87,10 @@ impl InnerSolve {
         &mut self,
         state: &mut WindowState,
         solvers: &mut Solvers<'_>,
-        about: Option<FlowSolve<'_>>,
+        about: Option<&[f64]>,
         tolerance: f64,
     ) -> Result<f64, RunError> {
         let _part = timing::part("inner solve");
-        self.accelerator.stiffen(self.model.volume_stiffness(), state.window.dt);
         self.accelerator.begin_window();
         let mut best = f64::INFINITY;
         for count in 1..=MAX_SOLVES {
@@ -132,16 +119,10 @@ impl InnerSolve {
     }
 
     /// The surrogate's response to the iterate at the end of a window of length `dt`.
-    fn predict_response(&mut self, dt: f64, about: Option<FlowSolve<'_>>) {
+    fn predict_response(&mut self, dt: f64, about: Option<&[f64]>) {
         self.model.added_mass_load(&self.x, dt, &mut self.response);
-        self.added_mass_load.copy_from_slice(&self.response);
-        // The defect has the pressure of a closed volume at the last flow solve, or at the end of the last window.
-        if self.model.volume_stiffness() > 0.0 {
-            let known = about.map_or_else(|| self.model.swept_volume_at_start(), |about| about.swept_volume);
-            self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
-        }
-        if let Some(FlowSolve { added_mass_load: about, .. }) = about {
-            let change: Vec<f64> = self.added_mass_load.iter().zip(about).map(|(x, a)| x - a).collect();
+        if let Some(about) = about {
+            let change: Vec<f64> = self.response.iter().zip(about).map(|(x, a)| x - a).collect();
             self.model.apply_correction(&change, &mut self.response);
         }
         self.response.iter_mut().zip(&self.defect).for_each(|(a, r)| *a += r);
