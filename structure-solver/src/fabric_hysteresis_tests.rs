@@ -81,7 +81,7 @@ fn measured(d: &Dynamics, mesh: &mesh::StructureMesh) -> Measured {
     }
 }
 
-/// The mass flies away from the strip's root, which stops it and lets it come back with the share `1 - LOSS` of its energy. At the turning point the strip has the moduli and the
+/// The mass moves away from the strip's root; the strip stops it and lets it come back with the share `1 - LOSS` of its energy. At the turning point the strip has the moduli and the
 /// membrane force of the scene, energy is balanced, each window is solved twice, and a structure that continues from the saved state does the same.
 fn returns_its_share(fabric: &str, structure_keys: &str, substeps: u64, error: f64) {
     let s = scene(fabric, structure_keys);
