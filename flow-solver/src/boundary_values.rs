@@ -157,6 +157,8 @@ pub(crate) struct BoundaryState {
     pub pressure: Vec<f64>,
     /// Rotation of walls from the face to the centre of its cell, m/s.
     pub spin: Vec<Vec3>,
+    /// Whether the wall at a face is at rest, whatever the nodes of the grid do on it.
+    pub at_rest: Vec<bool>,
 }
 
 /// Faces of a named patch with a condition.

@@ -105,6 +105,10 @@ fn started<G: Gas<N>, const N: usize>(
     if let Some(shear) = &setup.shear {
         solver.set_shear(shear.clone());
     }
+    if setup.scene.mesh.outer_boundary == case::OuterBoundary::Sliding {
+        let moves = |patch: u16| setup.moved_patches.contains(&setup.grid.patch_names[usize::from(patch)]);
+        solver.set_walls_at_rest(|patch| !patch.is_some_and(moves));
+    }
     let flow = &setup.flow;
     let (grid, faces) = (&setup.grid, &setup.faces);
     let values =

@@ -38,6 +38,8 @@ pub struct Setup {
     pub resumed: bool,
     /// Length of the stage's windows, s.
     pub window_s: f64,
+    /// Patches of the grid that bodies move in the stage.
+    pub moved_patches: Vec<String>,
     /// Tolerances and the undisturbed air.
     pub settings: Settings,
     /// Its velocity over the time of the stage.
@@ -241,6 +243,7 @@ impl Setup {
             handover,
             folder: case::stage_folder(out, &scene, stage),
             window_s: plan.window_s,
+            moved_patches: plan.body_motions.iter().flat_map(|m| m.patches.clone()).collect(),
             settings: settings(&scene, stage, flow, wind.at(0.0).into(), scale),
             flow: flow.clone(),
             structure,

@@ -143,18 +143,7 @@ impl Mover for Elastic {
         };
         let comm = grid.comm();
         let n = s.rhs.len();
-        s.rhs.fill(0.0);
-        for (row, k, block) in &s.canopy {
-            let b = &mut s.rhs[3 * *row as usize..][..3];
-            let g = &canopy[3 * *k as usize..][..3];
-            for (b, a) in b.iter_mut().zip(block) {
-                *b -= a[0] * g[0] + a[1] * g[1] + a[2] * g[2];
-            }
-        }
-        // The part of the canopy's motion outside of past solutions is applied to the nearest rings.
-        s.missing.copy_from_slice(canopy);
-        s.warm_start_basis.guess(comm, &s.rhs, &mut u[..n], &mut s.missing);
-        near_wall_following::follow(grid, &s.missing, &mut u[..n]);
+        s.guess(grid, canopy, &mut u[..n]);
         s.amg.matrix().apply(u, &mut s.scratch.r);
         for (r, b) in s.scratch.r.iter_mut().zip(&s.rhs) {
             *r = b - *r;
@@ -182,6 +171,32 @@ impl Mover for Elastic {
         }
         grid.free_halo.exchange(u, 3);
         Ok(Effort { iterations: end.iterations, error: end.error, accepted: goal.tolerance })
+    }
+
+    fn extend(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) {
+        let Some(s) = self.system.as_mut() else { return };
+        let n = s.rhs.len();
+        s.guess(grid, canopy, &mut u[..n]);
+        slide::project(&grid.slides, &mut u[..n]);
+        grid.free_halo.exchange(u, 3);
+    }
+}
+
+impl System {
+    /// Displacements `u` of the owned free nodes for a motion of the canopy: the combination of past solutions in it, the rest
+    /// ([`System::missing`]) at the nearest rings. Collective.
+    fn guess(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) {
+        self.rhs.fill(0.0);
+        for (row, k, block) in &self.canopy {
+            let b = &mut self.rhs[3 * *row as usize..][..3];
+            let g = &canopy[3 * *k as usize..][..3];
+            for (b, a) in b.iter_mut().zip(block) {
+                *b -= a[0] * g[0] + a[1] * g[1] + a[2] * g[2];
+            }
+        }
+        self.missing.copy_from_slice(canopy);
+        self.warm_start_basis.guess(grid.comm(), &self.rhs, u, &mut self.missing);
+        near_wall_following::follow(grid, &self.missing, u);
     }
 }
 

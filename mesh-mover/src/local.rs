@@ -42,8 +42,6 @@ pub struct LocalGrid {
     pub near: Vec<near_wall_following::Row>,
     /// Number of them that are owned, which come first.
     pub near_owned: usize,
-    /// Ranges of cells that touch a near node or the canopy.
-    pub near_cells: Vec<std::ops::Range<usize>>,
     /// Local free nodes of the outer boundary, ascending, with their tangential projections.
     pub slides: Vec<Slide>,
     /// Local node of each local free node: owned first, then ghosts.
@@ -123,7 +121,6 @@ impl LocalGrid {
             depth,
             shapes: Corners::new(&cells, &start),
             near_owned: near.partition_point(|row: &near_wall_following::Row| (row.free as usize) < n_free),
-            near_cells: near_runs(&cells, &kind, &near, &free_node),
             near,
             slides: slide_rows,
             nodes,
@@ -148,7 +145,6 @@ impl LocalGrid {
             + self.n_local() * (size_of::<Kind>() + 8 + 24)
             + 4 * self.free_node.len()
             + size_of_val(&self.near[..])
-            + size_of_val(&self.near_cells[..])
             + size_of_val(&self.slides[..])
     }
 
@@ -261,27 +257,6 @@ fn kinds(grid: &FlowGrid) -> Vec<Kind> {
 fn mean_volume(grid: &FlowGrid) -> f64 {
     let total: f64 = (0..grid.cells.len()).map(|c| mesh::quality::cell_volume(grid, c)).sum();
     total / grid.cells.len().max(1) as f64
-}
-
-/// Ranges of cells that touch a near node or the canopy.
-fn near_runs(
-    cells: &[[u32; 8]],
-    kind: &[Kind],
-    near: &[near_wall_following::Row],
-    free_node: &[u32],
-) -> Vec<std::ops::Range<usize>> {
-    let mut touched: Vec<bool> = kind.iter().map(|k| matches!(k, Kind::Canopy(_))).collect();
-    near.iter().for_each(|row| touched[free_node[row.free as usize] as usize] = true);
-    let mut runs: Vec<std::ops::Range<usize>> = Vec::new();
-    for (c, cell) in cells.iter().enumerate() {
-        if cell.iter().any(|&a| touched[a as usize]) {
-            match runs.last_mut() {
-                Some(run) if run.end == c => run.end = c + 1,
-                _ => runs.push(c..c + 1),
-            }
-        }
-    }
-    runs
 }
 
 /// Edges of a hexahedron in VTK order.

@@ -147,9 +147,12 @@ pub struct Motion {
     /// Displacement of the canopy from the reference, and of the local free nodes.
     canopy_displacement: Vec<f64>,
     u: Vec<f64>,
+    /// Further displacement of the local free nodes for a small motion.
+    small: Vec<f64>,
     /// Largest small motion of each canopy node, m.
     follow_limit: Vec<f64>,
-    first_solution: Option<FirstSolution>,
+    /// Of the first solution of a window: `u` contains its grid; small motions are relative to it.
+    first_solution: Option<Effort>,
     /// Canopy of the first solution (used while there is one).
     first_canopy: Vec<f64>,
     regridder: Option<Regridder>,
@@ -175,14 +178,6 @@ enum WindowProgress {
     ReferenceChanged,
 }
 
-/// The first solution of a window: `u` contains its grid; small motions are relative to it.
-#[derive(Clone, Copy)]
-struct FirstSolution {
-    /// Quality of the cells that small motions do not change.
-    far: MeshQuality,
-    effort: Effort,
-}
-
 impl Motion {
     /// Starts at `start`; a grid that was moved before continues from `reference`. Collective.
     ///
@@ -198,6 +193,7 @@ impl Motion {
         let volume = |c: usize| volume(&grid.corners(c, &start.grid));
         let start_volumes = (0..grid.cells.len()).map(volume).collect();
         let (canopy_displacement, u) = (vec![0.0; 3 * grid.n_canopy], vec![0.0; 3 * grid.free_node.len()]);
+        let small = u.clone();
         let at_start = grid.comm().all(reference.grid == start.grid);
         let mut motion = Self {
             grid,
@@ -213,6 +209,7 @@ impl Motion {
             at_start,
             canopy_displacement,
             u,
+            small,
             follow_limit: Vec::new(),
             first_solution: None,
             first_canopy: Vec::new(),
@@ -282,7 +279,7 @@ impl Motion {
 
     /// Moves the grid so that the canopy is at `to.canopy`; `from` is the last accepted state, from which increments
     /// start. Fills `to.grid`; positions of canopy nodes are exact bitwise. Solves between two [`Motion::accept`]
-    /// whose canopies differ by a small motion (see [`near_wall_following`]) differ near the canopy only. Collective.
+    /// whose canopies differ by a small motion (see [`near_wall_following`]) differ by [`Mover::extend`]. Collective.
     ///
     /// # Errors
     /// [`MotionError`]; the accepted state is unchanged.
@@ -316,14 +313,12 @@ impl Motion {
         stage: WindowProgress,
     ) -> Result<Option<MotionResult>, MotionError> {
         let _part = timing::part("cell quality");
-        let mut parts = self.near_and_far(&to.grid);
+        let mut shape = self.shape(&to.grid);
         // A canopy too fast for a gradual transition: complete the transition at once.
-        if self.needs_new_grid_now(&parts[0].worse(&parts[1]), stage) && self.finish_transition() {
+        if self.needs_new_grid_now(&shape, stage) && self.finish_transition() {
             self.set_positions(to);
-            parts = self.near_and_far(&to.grid);
+            shape = self.shape(&to.grid);
         }
-        let [near, far] = parts;
-        let shape = near.worse(&far);
         let accepted = self.accepts(&shape);
         let early = stage == WindowProgress::NotStarted && shape.quality < self.limits.early_threshold();
         // After a change of the reference within the window, repair the present grid.
@@ -346,7 +341,7 @@ impl Motion {
         if stage == WindowProgress::ReferenceChanged {
             self.window = stage;
         }
-        self.first_solution = Some(FirstSolution { far, effort });
+        self.first_solution = Some(effort);
         self.first_canopy.clone_from(&to.canopy);
         Ok(Some(MotionResult { effort, increments: 1, shape }))
     }
@@ -412,6 +407,7 @@ impl Motion {
     pub fn bytes(&self) -> usize {
         let flat = 2 * self.reference.grid.len()
             + self.u.len()
+            + self.small.len()
             + self.canopy_displacement.len()
             + self.start_volumes.len();
         let flat = flat + self.transition.as_ref().map_or(0, |g| g.offset.len());
@@ -459,41 +455,24 @@ impl Motion {
 
     /// Quality of the grid at `x` (local nodes). Collective.
     pub fn shape(&self, x: &[f64]) -> MeshQuality {
-        let [near, far] = self.near_and_far(x);
-        near.worse(&far)
-    }
-
-    /// Quality of the cells that small motions change, and of all others. Collective.
-    fn near_and_far(&self, x: &[f64]) -> [MeshQuality; 2] {
-        let near = self.worst_in(self.grid.near_cells.iter().cloned(), x);
-        let ends = self.grid.near_cells.iter().map(|r| r.start).chain([self.grid.cells.len()]);
-        let starts = [0].into_iter().chain(self.grid.near_cells.iter().map(|r| r.end));
-        let far = self.worst_in(starts.zip(ends).map(|(a, b)| a..b), x);
-        worst_of_all(self.grid.comm(), [near, far])
-    }
-
-    /// The worst of this rank's cells in `runs`.
-    fn worst_in(&self, runs: impl Iterator<Item = std::ops::Range<usize>>, x: &[f64]) -> MeshQuality {
         let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
-        for run in runs {
-            self.grid.shapes.each(&self.grid.cells, run, x, |c, p, q| {
-                if q < quality {
-                    (quality, worst) = (q, Some(c));
-                }
-                ratio = lower(ratio, volume(p) / self.start_volumes[c]);
-            });
-        }
+        self.grid.shapes.each(&self.grid.cells, 0..self.grid.cells.len(), x, |c, p, q| {
+            if q < quality {
+                (quality, worst) = (q, Some(c));
+            }
+            ratio = lower(ratio, volume(p) / self.start_volumes[c]);
+        });
         let (cell, at) = match worst {
             Some(c) => (self.grid.cell_global[c], self.grid.centre(c, x)),
             None => (u32::MAX, [0.0; 3]),
         };
-        MeshQuality { quality, cell, at, volume_ratio: ratio }
+        worst_of_all(self.grid.comm(), MeshQuality { quality, cell, at, volume_ratio: ratio })
     }
 
     /// The solution for a canopy that differs from the first solution's by a small motion.
     fn linear_update(&mut self, to: &mut Positions) -> Option<MotionResult> {
         let _part = timing::part("linear update");
-        let FirstSolution { far, effort } = self.first_solution?;
+        let effort = self.first_solution?;
         for ((p, c), a) in self.canopy_displacement.iter_mut().zip(&to.canopy).zip(&self.first_canopy) {
             *p = c - a;
         }
@@ -503,16 +482,12 @@ impl Motion {
         if !canopy_displacement.iter().zip(&self.follow_limit).all(small) {
             return None;
         }
+        self.mover.extend(&self.grid, &self.canopy_displacement, &mut self.small);
         self.set_positions(to);
-        for row in &self.grid.near {
-            let x = &mut to.grid[3 * self.grid.free_node[row.free as usize] as usize..][..3];
-            let d = &self.canopy_displacement[3 * row.canopy as usize..][..3];
-            let share = f64::from(row.share);
-            x.iter_mut().zip(d).for_each(|(x, d)| *x += share * d);
+        for (&a, u) in self.grid.free_node.iter().zip(self.small.as_chunks::<3>().0) {
+            to.grid[3 * a as usize..][..3].iter_mut().zip(u).for_each(|(x, u)| *x += u);
         }
-        let near = self.worst_in(self.grid.near_cells.iter().cloned(), &to.grid);
-        let [near] = worst_of_all(self.grid.comm(), [near]);
-        let shape = near.worse(&far);
+        let shape = self.shape(&to.grid);
         self.accepts(&shape).then_some(MotionResult {
             effort: Effort { iterations: 0, ..effort },
             increments: 1,
@@ -674,21 +649,17 @@ fn distance(a: &[f64], b: &[f64]) -> f64 {
     pairs.map(|(a, b)| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>()).fold(0.0, f64::max).sqrt()
 }
 
-/// The worst over all ranks, for several sets of cells at once.
-fn worst_of_all<const N: usize>(comm: &Comm, own: [MeshQuality; N]) -> [MeshQuality; N] {
+/// The worst over all ranks.
+fn worst_of_all(comm: &Comm, own: MeshQuality) -> MeshQuality {
     if comm.size() == 1 {
         return own;
     }
-    let rows = own.map(|s| [s.quality, f64::from(s.cell), s.at[0], s.at[1], s.at[2], s.volume_ratio]);
-    let all = comm.all_gather_var(rows.as_flattened());
-    let mut worst = own;
-    for rows in all.chunks(6 * N) {
-        for (worst, r) in worst.iter_mut().zip(rows.as_chunks::<6>().0) {
-            let at = [r[2], r[3], r[4]];
-            *worst = worst.worse(&MeshQuality { quality: r[0], cell: r[1] as u32, at, volume_ratio: r[5] });
-        }
-    }
-    worst
+    let row = [own.quality, f64::from(own.cell), own.at[0], own.at[1], own.at[2], own.volume_ratio];
+    let all = comm.all_gather_var(&row);
+    all.as_chunks::<6>().0.iter().fold(own, |worst, r| {
+        let at = [r[2], r[3], r[4]];
+        worst.worse(&MeshQuality { quality: r[0], cell: r[1] as u32, at, volume_ratio: r[5] })
+    })
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! The interface of grid movers.
 
 use crate::local::LocalGrid;
+use crate::near_wall_following;
 use crate::warm_start::MoverWarmStart;
 
 /// Cost of a solve.
@@ -44,6 +45,14 @@ pub trait Mover {
     /// Displacements `u` of the local free nodes (owned and ghosts, `[n][3]`, m) for a displacement `canopy` of the
     /// whole canopy (`[n_canopy][3]`, m) from the reference grid.
     fn displace(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) -> Result<Effort, MoverError>;
+
+    /// Displacements `u` of the local free nodes for a small further motion `canopy` after [`Mover::displace`], as there: without an iteration, a linear function
+    /// of `canopy` that stays the same until the next [`Mover::displace`]. Collective.
+    fn extend(&mut self, grid: &LocalGrid, canopy: &[f64], u: &mut [f64]) {
+        u.fill(0.0);
+        near_wall_following::follow(grid, canopy, u);
+        grid.free_halo.exchange(u, 3);
+    }
 }
 
 /// Why a mover failed.

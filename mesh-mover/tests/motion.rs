@@ -15,6 +15,11 @@ fn elastic() -> Box<dyn Mover> {
     Box::new(Elastic::new(Solid::from(&case::MeshMotion::default())))
 }
 
+/// As [`elastic`], almost without an error of its solution.
+fn exact() -> Box<dyn Mover> {
+    Box::new(Elastic::new(Solid { tolerance: 1e-7, ..Solid::from(&MeshMotion::default()) }))
+}
+
 /// A trial that checks every window.
 struct Run(MotionTrial);
 
@@ -183,10 +188,10 @@ fn repair_persists_for_all_solves_of_a_window() {
     assert_eq!(trial.motion.rebased(), 1, "one repair");
 }
 
-/// A later solve of a window whose canopy differs by less than a quarter of an edge: a node `r` layers off the plate
-/// follows by `1 - r / 5` without a linear solve; a larger difference is solved for.
+/// A later solve of a window whose canopy differs by less than a quarter of an edge needs no linear solve: a motion of the first solution is that solution once more; of any
+/// other one a node `r` layers off the plate follows by `1 - r / 5`. A larger difference is solved for.
 #[test]
-fn small_motions_within_a_window_are_applied_explicitly_to_the_layers() {
+fn small_motions_within_a_window_follow_known_solutions_or_the_layers() {
     let n = 12;
     let grid = plate_in_box(n, 0.0, 0.9, false);
     // Thickness of the layer at the plate, the shortest edge of all.
@@ -194,7 +199,7 @@ fn small_motions_within_a_window_are_applied_explicitly_to_the_layers() {
     let middle = |layers: usize| (n / 2) + (n + 1) * ((n / 2) + (n + 1) * (n / 2 + layers));
     for axis in 0..3 {
         for (share_of_limit, solved) in [(0.99, false), (1.01, true)] {
-            let mut trial = MotionTrial::new(&grid, elastic(), LIMITS).unwrap();
+            let mut trial = MotionTrial::new(&grid, exact(), LIMITS).unwrap();
             let mut first = trial.at.clone();
             first.canopy.iter_mut().skip(2).step_by(3).for_each(|z| *z += 0.01);
             trial.motion.follow(&trial.at, &mut first).unwrap();
@@ -205,16 +210,49 @@ fn small_motions_within_a_window_are_applied_explicitly_to_the_layers() {
             assert_eq!(moved.effort.iterations > 0, solved, "axis {axis}: {moved:?}");
             for layers in (0..6).filter(|_| !solved) {
                 let at = 3 * middle(layers) + axis;
-                let expected = displacement * (1.0 - layers as f64 / 5.0).max(0.0);
+                let known = (first.grid[at] - trial.start.grid[at]) / 0.01;
+                let by_layer = (1.0 - layers as f64 / 5.0).max(0.0);
+                let expected = displacement * if axis == 2 { known } else { by_layer };
                 let found = second.grid[at] - first.grid[at];
-                // The shares are stored in single precision.
+                // Shares and solutions are stored in single precision, and the first solution has a small part of the other motions.
                 assert!(
-                    (found - expected).abs() < 1e-7 * displacement,
+                    (found - expected).abs() < 1e-4 * displacement,
                     "axis {axis}, layer {layers}: {found} {expected}"
                 );
             }
         }
     }
+}
+
+/// The grid of a window is that of its canopy, whatever canopies were tried before within the window. With near nodes that follow alone it was off by 0.76 of the
+/// difference of the canopies, and a cavity with a flexible bottom by 0.4 % of its motion.
+#[test]
+fn grid_of_a_window_depends_on_its_canopy_alone() {
+    let grid = plate(16);
+    let bent = |p: [f64; 3], lift: f64, bend: f64| [p[0], p[1], p[2] + lift + bend * p[0] * p[0]];
+    let last = |tried: &[[f64; 2]]| {
+        let mut trial = MotionTrial::new(&grid, exact(), LIMITS).unwrap();
+        for [lift, bend] in [[0.01, 0.0], [0.02, 0.02], [0.04, 0.03]] {
+            trial.window(|p| bent(p, lift, bend)).unwrap();
+        }
+        let mut to = trial.at.clone();
+        for (k, &[lift, bend]) in tried.iter().enumerate() {
+            for (c, s) in
+                to.canopy.as_chunks_mut::<3>().0.iter_mut().zip(trial.start.canopy.as_chunks::<3>().0)
+            {
+                *c = bent(*s, lift, bend);
+            }
+            let moved = trial.motion.follow(&trial.at, &mut to).unwrap();
+            assert!(k == 0 || moved.effort.iterations == 0, "{moved:?}");
+        }
+        to
+    };
+    let [first, second] = [[0.055, 0.025], [0.05, 0.03]];
+    let [direct, detour] = [last(&[second]), last(&[first, second])];
+    assert_eq!(direct.canopy, detour.canopy);
+    let off = direct.grid.iter().zip(&detour.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    println!("off by {:.1e} of the difference of the canopies", off / 5e-3);
+    assert!(off < 1e-3 * 5e-3, "{off}");
 }
 
 #[test]

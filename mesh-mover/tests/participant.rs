@@ -97,9 +97,15 @@ fn small_motions_within_a_window_are_one_linear_function_bitwise() {
     fixture.advance(&window(0, 2), &nudge(-0.5)).unwrap();
     let back = fixture.output.clone();
     let (mut near, mut far) = (0, 0);
-    for ((a, b), c) in first.iter().zip(&moved).zip(&back) {
+    for (i, ((a, b), c)) in first.iter().zip(&moved).zip(&back).enumerate() {
         assert!((b - a + 2.0 * (c - a)).abs() < 1e-13, "a line through {a}: {b} {c}");
-        if a == b { far += 1 } else { near += 1 }
+        // Positions: most of the motion is new to past solutions, and stays near the canopy.
+        match (b - a).abs() {
+            _ if i % 6 >= 3 => {}
+            d if d > 4e-4 => near += 1,
+            d if d < 4e-5 => far += 1,
+            _ => {}
+        }
     }
     assert!(near > 0 && far > near / 4, "{near} {far}");
     fixture.advance(&window(0, 3), &d).unwrap();

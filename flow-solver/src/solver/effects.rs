@@ -39,6 +39,15 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         Ok(())
     }
 
+    /// Declares walls of the outer boundary to be at rest in the falling frame, by their named patch: nodes of the grid slide along them.
+    pub fn set_walls_at_rest(&mut self, at_rest: impl Fn(Option<u16>) -> bool) {
+        let first = self.topology.cells.len();
+        self.boundary.at_rest = vec![false; self.topology.face_nodes.len() - first];
+        for side in self.topology.no_slip.iter().filter(|s| s.canopy == u32::MAX) {
+            self.boundary.at_rest[side.face as usize - first] = at_rest(self.topology.patch_of(side));
+        }
+    }
+
     /// Raises the speed scale to `speed`, m/s, whose tenth floors the reference speeds. Where nothing at all moves the air it is a thousandth of
     /// the speed of sound.
     pub fn set_speed_scale(&mut self, speed: f64) {

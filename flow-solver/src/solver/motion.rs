@@ -44,7 +44,12 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Velocity of a wall of the outer boundary at its face, and what the rotation of the wall as a rigid body adds to it at the
     /// centre of the cell, m/s: a rotation of wall and air together has no friction. By the time difference of the step, as the
     /// volumes that the face sweeps. Where the nodes are at rest, the velocities that the grid comes with: a wall may slide on it.
+    /// Nodes that slide along a wall at rest ([`Solver::set_walls_at_rest`]) do not move it.
     pub(super) fn rigid_wall(&self, side: &Side, dt: f64) -> (Vec3, Vec3) {
+        let place = side.face as usize - self.topology.cells.len();
+        if self.boundary.at_rest.get(place) == Some(&true) {
+            return (Vec3::zeros(), Vec3::zeros());
+        }
         let [c0, _, c2] = self.order(dt).c;
         let [x1, x2] = [&self.previous[0].nodes, &self.previous[1].nodes];
         let nodes = distinct(&self.topology.face_nodes[side.face as usize]);

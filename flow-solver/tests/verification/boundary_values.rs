@@ -383,6 +383,36 @@ fn sliding_lid_drives_the_cavity_of_ghia() {
     assert_eq!(by_wall.q, by_nodes.q);
 }
 
+/// Nodes slide to and fro along walls at rest: the air between stays at rest. Where the walls move with the nodes it does not.
+#[test]
+fn nodes_that_slide_along_a_wall_at_rest_do_not_drag_the_air() {
+    let (n, dt) = (8, 0.1);
+    let fastest = |at_rest: bool| {
+        let grid = box_grid([n, n, 1], [0.0; 3], [1.0, 1.0, 0.1], [Patch::Wall; 6]);
+        let mut settings = settings([0.0; 3], 1e-8);
+        settings.reference_speed = 0.1;
+        let mut s = isothermal(&grid, Laminar { viscosity: RHO / 100.0 }, settings);
+        if at_rest {
+            s.set_walls_at_rest(|_| true);
+        }
+        let start = s.nodes.clone();
+        for k in 1..=5 {
+            let phase = TAU * f64::from(k) / 10.0;
+            for (i, x0) in start.iter().enumerate() {
+                let bend = (PI * x0[0]).sin() * (0.5 * PI * x0[1]).cos();
+                s.nodes[i][0] = x0[0] + 0.05 * phase.sin() * bend;
+                s.node_velocity[i] = Vec3::x() * (0.05 * TAU * phase.cos() * bend);
+            }
+            s.advance(&Step { moved: true, ..crate::common::at_rest(dt) }).unwrap();
+            s.accept(dt, true);
+        }
+        s.q.iter().map(|q| q[1].hypot(q[2])).fold(0.0, f64::max)
+    };
+    let (at_rest, dragged) = (fastest(true), fastest(false));
+    println!("fastest air: {at_rest:.1e} m/s, dragged {dragged:.1e} m/s");
+    assert!(at_rest < 1e-13 && dragged > 1e-3, "{at_rest} {dragged}");
+}
+
 /// Between walls of which one slides, far from the ends of the channel.
 #[test]
 fn sliding_wall_keeps_the_linear_profile_of_couette_flow() {
