@@ -108,7 +108,7 @@ enum Value {
     FlowRate(f64),
     /// Gauge pressure, Pa.
     Pressure(f64),
-    /// Velocity of the wall relative to the grid, m/s.
+    /// Velocity of the wall in the falling frame, m/s.
     Sliding(Vec3),
     /// Angular velocity, rad/s, and a point of the axis, m.
     Rotation(Vec3, Vec3),

@@ -22,15 +22,47 @@ fn flexible_bottom_of_a_cavity_moves_as_published() {
     let least = period.iter().copied().fold(f64::MAX, f64::min);
     let mean = period.iter().sum::<f64>() / period.len() as f64;
     for (name, value, [low, high], measured) in [
-        ("peak", largest, [0.2433, 0.2861], 0.26353),
-        ("trough", least, [0.1967, 1.01 * 0.2066], 0.20745),
-        ("mean", mean, [0.2255, 0.2445], 0.23443),
+        ("peak", largest, [0.2433, 0.2861], 0.26395),
+        ("trough", least, [0.1967, 1.01 * 0.2066], 0.20801),
+        ("mean", mean, [0.2255, 0.2445], 0.23482),
     ] {
         assert!((low..=high).contains(&value), "{name}: {value} outside {low} to {high}");
         assert!((value / measured - 1.0).abs() < 1e-3, "{name}: {value}, measured {measured}");
     }
     // The panel is a slice: it does not move along y, nor do its ends.
     assert!(column("middle_y_m").iter().all(|y| y.abs() < 1e-9));
+}
+
+/// The converged motion does not depend on the acceleration of the coupling, whose iterates differ: the grid of a window is that of its canopy, and walls along which nodes
+/// slide are at rest. Before, the bottom of the cavity was off by 3e-4 and 1e-3 of its motion for one and the other.
+#[test]
+fn converged_motion_does_not_depend_on_the_iterates() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let motion = |acceleration: &str| {
+        let out = folder.path().join(acceleration);
+        let chosen = format!("coupling.acceleration={acceleration}");
+        let settings = [
+            "stage.driven.duration_s=2.5",
+            "coupling.tolerance=1e-6",
+            "structure.newton_tolerance=1e-9",
+            "mesh.tolerance=1e-6",
+            &chosen,
+        ];
+        let arguments: Vec<&str> = settings.iter().flat_map(|s| ["--set", s]).collect();
+        succeed(ripstop_run(&scene("validation/flexible-cavity"), &out, &arguments));
+        let columns = results::history::read(&out.join("driven/points.csv")).expect("a table");
+        columns.iter().find(|(n, _)| n == "middle_z_m").expect("the column").1.clone()
+    };
+    let (block, inverse) = (motion("ibqn-ls"), motion("iqn-ils"));
+    let mut largest = 0.0f64;
+    let off = block.iter().zip(&inverse).map(|(a, b)| {
+        largest = largest.max(a.abs());
+        (a - b).abs() / largest
+    });
+    let off = off.fold(0.0, f64::max);
+    println!("largest difference {off:.1e} of the motion");
+    assert_eq!(block.len(), 25);
+    assert!(off < 3e-6, "{off}");
 }
 
 /// A plate clamped at its trailing edge under the lift of a stream at one degree (`cases/validation/inverted-flag`): the deflection of the leading edge is what was

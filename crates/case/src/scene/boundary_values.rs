@@ -74,7 +74,7 @@ pub struct OutletValues {
 pub struct MovingWall {
     /// A side of `[flow.box]` or a group of `[flow.grid_file]` with the condition `"wall"`.
     pub patch: String,
-    /// Sliding velocity relative to the grid, m/s, without a component normal to the wall. Either this or `rotation`.
+    /// Velocity of the wall in the frame of the canopy, m/s, without a component normal to the wall. Either this or `rotation`.
     pub velocity_m_s: Option<[f64; 3]>,
     /// Rotation about an axis.
     pub rotation: Option<WallRotation>,

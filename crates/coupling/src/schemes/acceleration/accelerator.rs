@@ -57,6 +57,11 @@ pub trait Accelerator {
         let _ = lattice;
     }
 
+    /// See [`super::relaxation::Relaxation::stiffen`].
+    fn stiffen(&mut self, volume_stiffness: f64, dt: f64) {
+        let _ = (volume_stiffness, dt);
+    }
+
     /// See [`super::relaxation::Relaxation::turn`].
     fn turn(&mut self, orientation: &Orientation) {
         let _ = orientation;

@@ -84,6 +84,10 @@ pub struct AddedMassRelaxation {
     frame_inverse: DMatrix<f64>,
     /// Added mass of the whole canopy in vertical motion, kg.
     pub vertical_added_mass: f64,
+    /// Swept volume over the displacement of each node, m2.
+    volume_gradient: Vec<Vec3>,
+    /// Step for the displacement that one pressure makes, and that displacement over the swept volume of which the pressure is; `None`: no volume is closed.
+    closed: Option<(Vec<f64>, f64)>,
 }
 
 impl AddedMassRelaxation {
@@ -138,6 +142,8 @@ impl AddedMassRelaxation {
             relaxed: DMatrix::zeros(n, 0),
             frame_inverse: DMatrix::zeros(0, 0),
             vertical_added_mass: 0.0,
+            volume_gradient: vec![Vec3::zeros(); positions.len()],
+            closed: None,
         };
         let usable = model.orient(&Matrix3::identity(), areas, normals);
         usable.then_some(model)
@@ -148,8 +154,13 @@ impl AddedMassRelaxation {
     fn orient(&mut self, rotation: &Matrix3<f64>, areas: &[Vec3], normals: &[Vec3]) -> bool {
         self.face_normals = normals.to_vec();
         self.node_normals.fill(Vec3::zeros());
+        self.volume_gradient.fill(Vec3::zeros());
         for (face, area) in self.faces.iter().zip(areas) {
-            distinct(face).iter().for_each(|&node| self.node_normals[node as usize] += area);
+            let nodes = distinct(face);
+            for &node in nodes {
+                self.node_normals[node as usize] += area;
+                self.volume_gradient[node as usize] += area / nodes.len() as f64;
+            }
         }
         self.node_normals.iter_mut().for_each(|normal| *normal = direction(normal));
         let up = rotation.row(2).transpose();
@@ -209,6 +220,18 @@ impl Relaxation for AddedMassRelaxation {
         self.orient(&orientation.rotation, &orientation.areas, &orientation.normals);
     }
 
+    fn stiffen(&mut self, volume_stiffness: f64, dt: f64) {
+        self.closed = None;
+        if volume_stiffness > 0.0 {
+            let mut unit: Vec<f64> = self.node_normals.iter().flat_map(|n| [n.x, n.y, n.z]).collect();
+            unit.resize(self.unknowns.len(), 0.0);
+            let mut relaxed = vec![0.0; unit.len()];
+            self.apply(&unit, &mut relaxed);
+            let by_pressure = self.masses.response * dt * dt / self.masses.fabric_kg_m2;
+            self.closed = Some((relaxed, by_pressure * volume_stiffness));
+        }
+    }
+
     fn apply(&self, residual: &[f64], step: &mut [f64]) {
         // Normal residual at the faces, and the corresponding step.
         let on_faces: Vec<f64> = self
@@ -246,6 +269,24 @@ impl Relaxation for AddedMassRelaxation {
             let normal_step =
                 normal_steps / count + self.short_wave_factor * (along - normal_residual / count);
             step[3 * node..3 * node + 3].copy_from_slice((whole + normal * (normal_step - along)).as_slice());
+        }
+        self.limit_volume(residual, step);
+    }
+}
+
+impl AddedMassRelaxation {
+    /// Takes from a step the volume that the air of a closed volume does not give. With $`u`$ the displacement by one pressure, $`v`$ the gradient of the swept volume and
+    /// $`\kappa`$ the displacement over that volume the step is $`(I + G + \kappa u v^T)^{-1} r`$, by Sherman and Morrison. Nodes without a residual are held.
+    fn limit_volume(&self, residual: &[f64], step: &mut [f64]) {
+        let Some((relaxed, gain)) = &self.closed else { return };
+        let free = |n: &usize| at(residual, *n as u32) != Vec3::zeros();
+        let nodes = 0..self.volume_gradient.len();
+        let swept = |by: &[f64], n: usize| self.volume_gradient[n].dot(&at(by, n as u32));
+        let volume: f64 = nodes.clone().map(|n| swept(step, n)).sum();
+        let given: f64 = nodes.clone().filter(free).map(|n| swept(relaxed, n)).sum();
+        let factor = gain * volume / (1.0 + gain * given);
+        for n in nodes.filter(free) {
+            (3 * n..3 * n + 3).for_each(|i| step[i] -= factor * relaxed[i]);
         }
     }
 }
@@ -341,6 +382,52 @@ mod tests {
             assert!((frame - &dv).norm() < 1e-5, "{axes:?}");
             assert!((found - &dx).norm() < 1e-5 * dx.norm(), "{axes:?}");
         }
+    }
+
+    /// A closed volume: the step is what is left of that in the open less what the pressure of its own swept volume gives, nodes of the rim stay, and a stiff volume is kept.
+    #[test]
+    fn a_closed_volume_gives_no_more_than_its_pressure_asks_for() {
+        let (mut model, positions) = model(12);
+        let held = |n: usize| {
+            let [x, y, _] = positions[n];
+            [x, y].iter().any(|c| *c < 1e-9 || *c > 1.0 - 1e-9)
+        };
+        assert!((0..positions.len()).any(held) && !(0..positions.len()).all(held));
+        let mut residual = vec![0.0; 3 * positions.len() + 1];
+        for n in (0..positions.len()).filter(|n| !held(*n)) {
+            residual[3 * n..3 * n + 3].copy_from_slice(&[0.1, -0.2, 0.3 + (0.7 * n as f64).sin()]);
+        }
+        let mut open = vec![0.0; residual.len()];
+        model.apply(&residual, &mut open);
+        let (dt, share) = (0.02, 0.275 / 0.0373);
+        let volume = |by: &[f64]| -> f64 {
+            let faces = plate(12).1;
+            let area = vec![Vec3::new(0.0, 0.0, 1.0 / 144.0); faces.len()];
+            crate::schemes::surrogate::closed_volume::swept(&faces, &area, by)
+        };
+        let mut unit: Vec<f64> = positions.iter().flat_map(|_| [0.0, 0.0, 1.0]).collect();
+        unit.push(0.0);
+        let mut relaxed = vec![0.0; unit.len()];
+        model.apply(&unit, &mut relaxed);
+        let mut step = vec![0.0; residual.len()];
+        for stiffness in [1.0, 1e3, 1e9] {
+            model.stiffen(stiffness, dt);
+            model.apply(&residual, &mut step);
+            let pressure = stiffness * volume(&step);
+            for n in 0..positions.len() {
+                let by_pressure = if held(n) { 0.0 } else { share * dt * dt * pressure * relaxed[3 * n + 2] };
+                let whole = step[3 * n + 2] + by_pressure;
+                assert!(
+                    (whole - open[3 * n + 2]).abs() < 1e-9 * volume(&open).abs().max(1.0),
+                    "{stiffness} {n}"
+                );
+            }
+            assert!(volume(&step).abs() < volume(&open).abs());
+        }
+        assert!(volume(&step).abs() < 1e-4 * volume(&open).abs(), "{}", volume(&step));
+        model.stiffen(0.0, dt);
+        model.apply(&residual, &mut step);
+        assert_eq!(step, open);
     }
 
     /// After a rotation of the whole canopy the step is that of a model which was assembled for the rotated canopy.

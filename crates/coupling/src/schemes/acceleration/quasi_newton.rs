@@ -89,6 +89,10 @@ impl<J: Jacobian> Accelerator for QuasiNewton<J> {
         self.rest.turn(orientation);
     }
 
+    fn stiffen(&mut self, volume_stiffness: f64, dt: f64) {
+        self.rest.stiffen(volume_stiffness, dt);
+    }
+
     fn begin_window(&mut self) {
         self.previous = None;
         self.best = f64::INFINITY;

@@ -13,6 +13,11 @@ pub trait Relaxation {
         let _ = lattice;
     }
 
+    /// In windows of length `dt` (s) the air of a closed volume under the canopy has this stiffness, Pa/m3; 0: none is closed.
+    fn stiffen(&mut self, volume_stiffness: f64, dt: f64) {
+        let _ = (volume_stiffness, dt);
+    }
+
     /// The canopy has rotated as a whole.
     fn turn(&mut self, orientation: &Orientation) {
         let _ = orientation;

@@ -4,7 +4,7 @@ use case::Coupling;
 
 use super::extrapolate::MAX_ORDER;
 use super::gauss_seidel::{AppliedLoad, GaussSeidel, flow_around_iterate, respond_to_flow};
-use super::inner_solve::InnerSolve;
+use super::inner_solve::{FlowSolve, InnerSolve};
 use super::predictor::Predictor;
 use crate::error::RunError;
 use crate::schemes::codec::{pack, unpack};
@@ -26,10 +26,21 @@ pub struct BlockQuasiNewton {
     motions: Predictor,
     defects: Predictor,
     defect: Vec<f64>,
-    /// Added-mass load of the surrogate and defect at the last sweep in this window.
-    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// The last sweep in this window.
+    last: Option<LastSweep>,
     has_history: bool,
+    /// A closed volume was found in this sweep: its iterate is far off, and the next solve starts again from that of the window.
+    restart: bool,
     applied: AppliedLoad,
+}
+
+/// What the surrogate had, and lacked, at a flow solve.
+struct LastSweep {
+    /// Its added-mass load.
+    added_mass_load: Vec<f64>,
+    /// Swept volume, m3.
+    swept_volume: f64,
+    defect: Vec<f64>,
 }
 
 impl FromSurrogate for BlockQuasiNewton {
@@ -45,6 +56,7 @@ impl FromSurrogate for BlockQuasiNewton {
             defect,
             last: None,
             has_history: false,
+            restart: false,
             applied: AppliedLoad::new(load),
         }
     }
@@ -57,14 +69,20 @@ impl FromSurrogate for BlockQuasiNewton {
 impl BlockQuasiNewton {
     /// Adds the secant of the last two sweeps of this window to the surrogate.
     fn add_secant(&mut self, state: &WindowState, solvers: &Solvers<'_>) {
-        if let Some((added_mass_load, before)) = self.last.take() {
-            let step: Vec<f64> =
-                self.inner.response.iter().zip(&added_mass_load).map(|(a, b)| a - b).collect();
-            let change = self.defect.iter().zip(&before).map(|(a, b)| a - b).collect();
+        let swept_volume = self.inner.model.swept_volume(&state.x);
+        if let Some(last) = self.last.take() {
+            let before = &last.added_mass_load;
+            let step: Vec<f64> = self.inner.response.iter().zip(before).map(|(a, b)| a - b).collect();
+            let change = self.defect.iter().zip(&last.defect).map(|(a, b)| a - b).collect();
             let least = LEAST_STEP.min(solvers.criterion.tolerance);
-            self.inner.model.add_column(step, change, least, norm(&state.end.load));
+            let (volume, load) = (swept_volume - last.swept_volume, norm(&state.end.load));
+            self.restart = self.inner.model.add_column(step, volume, change, least, load);
+            if self.restart {
+                self.inner.reset_acceleration();
+            }
         }
-        self.last = Some((self.inner.response.clone(), self.defect.clone()));
+        let added_mass_load = self.inner.response.clone();
+        self.last = Some(LastSweep { added_mass_load, swept_volume, defect: self.defect.clone() });
     }
 }
 
@@ -75,7 +93,7 @@ impl CouplingScheme for BlockQuasiNewton {
 
     fn predict(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<(), RunError> {
         let dt = state.window.dt;
-        self.last = None;
+        (self.last, self.restart) = (None, false);
         if let Some(defects) = self.inner.update_surrogate(dt) {
             self.defects = Predictor::new(MAX_ORDER);
             defects.iter().for_each(|(defect, dt)| self.defects.accept(defect, *dt));
@@ -101,9 +119,13 @@ impl CouplingScheme for BlockQuasiNewton {
     fn improve(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<bool, RunError> {
         let outer = state.report.residual.unwrap_or(1.0);
         let tolerance = (0.2 * solvers.criterion.tolerance).max(0.02 * outer.min(1.0));
-        self.inner.x.copy_from_slice(&state.x);
+        let restart = std::mem::take(&mut self.restart);
+        self.inner.x.copy_from_slice(if restart { &state.start } else { &state.x });
         self.inner.defect.copy_from_slice(&self.defect);
-        let about = self.last.as_ref().map(|(added_mass_load, _)| added_mass_load.as_slice());
+        let about = self.last.as_ref().map(|last| FlowSolve {
+            added_mass_load: &last.added_mass_load,
+            swept_volume: last.swept_volume,
+        });
         let reached = self.inner.solve(state, solvers, about, tolerance)?;
         state.next.copy_from_slice(&self.inner.x);
         Ok(reached < 0.5 * outer)
@@ -113,6 +135,7 @@ impl CouplingScheme for BlockQuasiNewton {
         self.inner.reset_acceleration();
         if rejected {
             self.inner.model.reset();
+            self.inner.model.open_volume();
         }
     }
 
@@ -120,6 +143,9 @@ impl CouplingScheme for BlockQuasiNewton {
         let dt = state.window.dt;
         self.has_history = true;
         self.defects.accept(&self.defect, dt);
+        if let Some(start) = &state.interface.load_before {
+            self.inner.model.compare_volume(&state.x, start, &state.end.load);
+        }
         // The grid is at the iterate.
         self.inner.accept(&state.x, &self.defect, dt);
         self.motions.accept(&state.x_tilde, dt);

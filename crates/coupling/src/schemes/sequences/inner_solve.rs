@@ -53,9 +53,20 @@ pub struct InnerSolve {
     pub defect: Vec<f64>,
     /// The iterate, and after a solve the unknowns closest to equilibrium.
     pub x: Vec<f64>,
+    /// Added-mass load of the surrogate, in the layout of the response.
+    added_mass_load: Vec<f64>,
     x_tilde: Vec<f64>,
     next: Vec<f64>,
     best: Vec<f64>,
+}
+
+/// What the surrogate had at a flow solve, about which secants correct it.
+#[derive(Clone, Copy)]
+pub struct FlowSolve<'a> {
+    /// Its added-mass load, in the layout of the response.
+    pub added_mass_load: &'a [f64],
+    /// Swept volume, m3.
+    pub swept_volume: f64,
 }
 
 impl InnerSolve {
@@ -71,6 +82,7 @@ impl InnerSolve {
             response: vec![0.0; m],
             defect: vec![0.0; m],
             x: vec![0.0; n],
+            added_mass_load: vec![0.0; m],
             x_tilde: vec![0.0; n],
             next: vec![0.0; n],
             best: vec![0.0; n],
@@ -78,7 +90,7 @@ impl InnerSolve {
     }
 
     /// Solves structure and descent against the surrogate plus defect, starting from [`InnerSolve::x`], to
-    /// `tolerance`. Secants correct the defect for the change of the added-mass load from `about`, where given.
+    /// `tolerance`. Secants correct the defect for the change of the added-mass load from the last flow solve `about` of the window, where there was one.
     /// Returns the relative residual.
     ///
     /// # Errors
@@ -87,10 +99,13 @@ impl InnerSolve {
         &mut self,
         state: &mut WindowState,
         solvers: &mut Solvers<'_>,
-        about: Option<&[f64]>,
+        about: Option<FlowSolve<'_>>,
         tolerance: f64,
     ) -> Result<f64, RunError> {
         let _part = timing::part("inner solve");
+        let known = self.known_volume(about);
+        let stiffness = if known.is_some() { self.model.volume_stiffness() } else { 0.0 };
+        self.accelerator.stiffen(stiffness, state.window.dt);
         self.accelerator.begin_window();
         let mut best = f64::INFINITY;
         for count in 1..=MAX_SOLVES {
@@ -118,11 +133,22 @@ impl InnerSolve {
         Ok(best)
     }
 
+    /// Swept volume (m3) whose pressure the defect contains: at the last flow solve `about` of the window; before it at the start of the window, if the volume
+    /// stores the air. `None`: none is known.
+    fn known_volume(&self, about: Option<FlowSolve<'_>>) -> Option<f64> {
+        let start = || self.model.stores_volume().then(|| self.model.swept_volume_at_start());
+        about.map(|about| about.swept_volume).or_else(start)
+    }
+
     /// The surrogate's response to the iterate at the end of a window of length `dt`.
-    fn predict_response(&mut self, dt: f64, about: Option<&[f64]>) {
+    fn predict_response(&mut self, dt: f64, about: Option<FlowSolve<'_>>) {
         self.model.added_mass_load(&self.x, dt, &mut self.response);
-        if let Some(about) = about {
-            let change: Vec<f64> = self.response.iter().zip(about).map(|(x, a)| x - a).collect();
+        self.added_mass_load.copy_from_slice(&self.response);
+        if let Some(known) = self.known_volume(about) {
+            self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
+        }
+        if let Some(FlowSolve { added_mass_load: about, .. }) = about {
+            let change: Vec<f64> = self.added_mass_load.iter().zip(about).map(|(x, a)| x - a).collect();
             self.model.apply_correction(&change, &mut self.response);
         }
         self.response.iter_mut().zip(&self.defect).for_each(|(a, r)| *a += r);

@@ -26,6 +26,7 @@ use std::ops::Range;
 use channel::LOAD_WIDTH;
 use serde::{Deserialize, Serialize};
 
+use super::closed_volume::{self, ClosedVolume, Finding};
 use super::inverse::{Inverse, factors};
 use super::orientation::{Orientation, best_rotation};
 use super::panel_groups::PanelGroups;
@@ -83,8 +84,9 @@ struct Secant {
 }
 
 /// A saved surrogate: kinematics, length of the last window, secants, configuration of the lattice, displacement at the
-/// last update after a rotation.
-type SavedState = (VecDeque<InterfaceKinematics>, f64, VecDeque<Secant>, (Vec<f64>, f64), Option<Vec<f64>>);
+/// last update after a rotation, closed volume.
+type SavedState =
+    (VecDeque<InterfaceKinematics>, f64, VecDeque<Secant>, (Vec<f64>, f64), Option<Vec<f64>>, ClosedVolume);
 
 /// How a surrogate followed the canopy.
 pub enum SurrogateUpdate {
@@ -124,6 +126,7 @@ pub struct AddedMassSurrogate {
     dt: f64,
     secants: VecDeque<Secant>,
     columns: Columns,
+    closed: ClosedVolume,
 }
 
 impl AddedMassSurrogate {
@@ -166,6 +169,7 @@ impl AddedMassSurrogate {
             dt: 0.0,
             secants: VecDeque::new(),
             columns: Columns::default(),
+            closed: ClosedVolume::default(),
         })
     }
 
@@ -328,18 +332,85 @@ impl AddedMassSurrogate {
     /// Adds a secant: where [`AddedMassSurrogate::added_mass_load`] changed by `step` within a window, the defect of
     /// the flow's response, whose norm is `load`, changed by `change`. As a function of the surrogate's own load it
     /// does not contain motions that accelerate no air. A step below the fraction `least` of the load adds no secant,
-    /// unless the response to it is steep.
-    pub fn add_column(&mut self, step: Vec<f64>, change: Vec<f64>, least: f64, load: f64) {
-        let (length, changed) = (norm(&step), norm(&change));
-        let steep = changed > STEEP_SLOPE * length;
+    /// unless the response to it is steep. The pressure of a closed volume, which grew by `volume` (m3), is no part of secants.
+    ///
+    /// Returns whether the response shows a closed volume that was not known.
+    pub fn add_column(
+        &mut self,
+        step: Vec<f64>,
+        volume: f64,
+        mut change: Vec<f64>,
+        least: f64,
+        load: f64,
+    ) -> bool {
+        let length = norm(&step);
+        let is_steep = |change: &[f64]| norm(change) > STEEP_SLOPE * length;
+        let finding = if is_steep(&change) {
+            self.closed.identify(volume, &change[..self.loads_len()], load)
+        } else {
+            Finding::Nothing
+        };
+        if finding != Finding::Nothing {
+            self.reset();
+        }
+        self.add_volume_pressure(-volume, &mut change);
+        let (changed, steep) = (norm(&change), is_steep(&change));
         if length == 0.0 || !(steep || length > least * load) {
-            return;
+            return finding == Finding::Closed;
         }
         let signal = if steep { changed } else { length };
         let filter = FILTER.max(NOISE * load / signal);
         self.secants.push_front(Secant { step, change, filter });
         self.secants.truncate(MAX_SECANTS);
         self.refactor();
+        finding == Finding::Closed
+    }
+
+    /// Fall of the pressure of a closed volume under the canopy over its growth, Pa/m3; 0: none is known.
+    pub fn volume_stiffness(&self) -> f64 {
+        self.closed.stiffness()
+    }
+
+    /// Volume that the canopy sweeps from its unstressed shape to the unknowns `x`, m3. Only differences between two values of one update of the surrogate have a
+    /// meaning.
+    pub fn swept_volume(&self, x: &[f64]) -> f64 {
+        closed_volume::swept(&self.faces, &self.areas, self.unknowns.displacement(x))
+    }
+
+    /// The same at the end of the last window.
+    pub fn swept_volume_at_start(&self) -> f64 {
+        closed_volume::swept(&self.faces, &self.areas, &self.kinematics[0].displacement)
+    }
+
+    /// Adds the pressure of a closed volume that grew by `volume` (m3) to `response`.
+    pub fn add_volume_pressure(&self, volume: f64, response: &mut [f64]) {
+        if self.closed.stiffness() == 0.0 {
+            return;
+        }
+        let pressure = self.closed.pressure(volume);
+        let (loads, forces) = response.split_at_mut(self.loads_len());
+        loads.iter_mut().step_by(LOAD_WIDTH).for_each(|p| *p += pressure);
+        let area: Vec3 = self.areas.iter().sum();
+        forces.iter_mut().zip(&area.as_slice()[self.force_axes()]).for_each(|(f, a)| *f += a * pressure);
+    }
+
+    /// Whether the pressure of a closed volume follows that volume from window to window.
+    pub fn stores_volume(&self) -> bool {
+        self.closed.stores()
+    }
+
+    /// Compares the loads at both ends of a window that ends with the unknowns `x`, each `[faces][LOAD_WIDTH]` (Pa), with the volume that the canopy swept. Call it
+    /// before [`AddedMassSurrogate::accept`].
+    pub fn compare_volume(&mut self, x: &[f64], start: &[f64], end: &[f64]) {
+        let faces = (end.len() / LOAD_WIDTH) as f64;
+        let mean = |load: &[f64]| load.iter().step_by(LOAD_WIDTH).sum::<f64>() / faces;
+        let volume = self.swept_volume(x) - self.swept_volume_at_start();
+        self.closed.compare(volume, mean(end) - mean(start), norm(end) / faces.sqrt());
+    }
+
+    /// Resets what is known of a closed volume.
+    pub fn open_volume(&mut self) {
+        self.closed = ClosedVolume::default();
     }
 
     /// Adds to `response` the change of the defect that the secants predict for a `step` of the added-mass load.
@@ -372,7 +443,7 @@ impl AddedMassSurrogate {
 
     /// State that later windows depend on.
     pub fn save_state(&self) -> Vec<u8> {
-        pack(&(&self.kinematics, self.dt, &self.secants, &self.assembled_for, &self.turned_for))
+        pack(&(&self.kinematics, self.dt, &self.secants, &self.assembled_for, &self.turned_for, self.closed))
     }
 
     /// Restores a [`AddedMassSurrogate::save_state`] of the same canopy. Returns how the surrogate changed, in order.
@@ -380,7 +451,8 @@ impl AddedMassSurrogate {
     /// # Errors
     /// The state of another canopy or scheme.
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<Vec<SurrogateUpdate>, RunError> {
-        let (kinematics, dt, secants, assembled_for, turned_for): SavedState = unpack(saved)?;
+        let (kinematics, dt, secants, assembled_for, turned_for, closed): SavedState = unpack(saved)?;
+        self.closed = closed;
         let (shape, length) = assembled_for;
         let mut updates = Vec::new();
         if (&shape, length) != (&self.assembled_for.0, self.assembled_for.1) || self.turned_for.is_some() {
@@ -477,6 +549,50 @@ mod tests {
 
     /// Air in a closed volume responds steeply to a small step: that secant is added where it exceeds the flow's
     /// noise. Small steps with a weak response add none.
+    /// A plate over a closed volume: the first response of one pressure gives the stiffness, whatever motion follows has the pressure of its volume, secants have
+    /// none of it, and the saved state knows it.
+    #[test]
+    fn a_closed_volume_is_identified_by_its_first_response() {
+        let (positions, faces) = plate(CELLS);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::Vertical);
+        let rest = vec![0.0; 3 * positions.len()];
+        let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
+        let air = Air::incompressible(1.0);
+        let new = || {
+            AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], &faces, air, usize::MAX)
+                .expect("a plate")
+        };
+        let mut model = new();
+        let x: Vec<f64> =
+            positions.iter().flat_map(|p| [0.0, 0.0, 1e-4 + 2e-4 * p[0]]).chain([0.0]).collect();
+        let volume = model.swept_volume(&x);
+        assert!((volume - 2e-4).abs() < 1e-12, "{volume}");
+        assert_eq!(model.swept_volume_at_start(), 0.0);
+        let (stiffness, mut response) = (2e5, vec![0.0; model.response_len()]);
+        model.add_volume_pressure(volume, &mut response);
+        assert!(response.iter().all(|p| *p == 0.0), "open air has none");
+        let mut change = vec![0.0; response.len()];
+        change[..model.loads_len()].iter_mut().step_by(LOAD_WIDTH).for_each(|p| *p = -stiffness * volume);
+        change[model.loads_len()] = -stiffness * volume;
+        let mut step = vec![0.0; response.len()];
+        step[0] = 1e-3;
+        assert!(model.add_column(step.clone(), volume, change.clone(), 1e-3, 1.0), "not known before");
+        assert!((model.volume_stiffness() / stiffness - 1.0).abs() < 1e-12);
+        assert!(!model.add_column(step.clone(), volume, change, 1e-3, 1.0), "known");
+        let mut corrected = vec![0.0; response.len()];
+        model.apply_correction(&step, &mut corrected);
+        assert!(norm(&corrected) < 1e-9, "a secant has the pressure of the volume: {}", norm(&corrected));
+        model.add_volume_pressure(3e-5, &mut response);
+        assert!((response[4] + 6.0).abs() < 1e-9 && (response[model.loads_len()] + 6.0).abs() < 1e-9);
+        model.accept(&x, 1.0);
+        assert!((model.swept_volume_at_start() - volume).abs() < 1e-15);
+        let mut again = new();
+        again.restore_state(&model.save_state()).expect("its state");
+        assert_eq!(again.volume_stiffness(), model.volume_stiffness());
+        model.open_volume();
+        assert_eq!(model.volume_stiffness(), 0.0);
+    }
+
     #[test]
     fn small_steps_add_secants_only_for_steep_responses() {
         let (positions, faces) = plate(4);
@@ -495,7 +611,7 @@ mod tests {
                 vector
             };
             let (once, twice, changed) = (along(step), along(2.0 * step), along(slope * step));
-            model.add_column(once, changed, least, load);
+            model.add_column(once, 0.0, changed, least, load);
             assert_eq!(model.secants(), added, "slope {slope}");
             let mut response = vec![0.0; model.response_len()];
             model.apply_correction(&twice, &mut response);
@@ -567,7 +683,7 @@ mod tests {
         let (positions, faces, moved) = bent();
         let mut model = surrogate(&positions, &faces);
         let step = vec![1.0; model.response_len()];
-        model.add_column(step.clone(), step, 1e-3, 1.0);
+        model.add_column(step.clone(), 0.0, step, 1e-3, 1.0);
         model.accept(&moved(0.6 * ROTATION_TOLERANCE, 0.0), 0.1);
         assert!(model.update(0.1).is_none());
         for angle in [0.3, 1.1, 2.9] {
