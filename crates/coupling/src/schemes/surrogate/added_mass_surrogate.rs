@@ -584,6 +584,15 @@ mod tests {
         assert!(norm(&corrected) < 1e-9, "a secant has the pressure of the volume: {}", norm(&corrected));
         model.add_volume_pressure(3e-5, &mut response);
         assert!((response[4] + 6.0).abs() < 1e-9 && (response[model.loads_len()] + 6.0).abs() < 1e-9);
+        // A window that ends at `x` with the pressure of its volume, and one that ends without it.
+        let (start, mut end) = (vec![0.0; model.loads_len()], vec![0.0; model.loads_len()]);
+        model.compare_volume(&x, &start, &end);
+        assert!(!model.stores_volume());
+        end.iter_mut().step_by(LOAD_WIDTH).for_each(|p| *p = -0.7 * stiffness * volume);
+        model.compare_volume(&x, &start, &end);
+        assert!(model.stores_volume());
+        model.compare_volume(&x, &end, &start);
+        assert!(!model.stores_volume(), "the pressure rises");
         model.accept(&x, 1.0);
         assert!((model.swept_volume_at_start() - volume).abs() < 1e-15);
         let mut again = new();
