@@ -214,9 +214,10 @@ fn small_motions_within_a_window_follow_known_solutions_or_the_layers() {
                 let by_layer = (1.0 - layers as f64 / 5.0).max(0.0);
                 let expected = displacement * if axis == 2 { known } else { by_layer };
                 let found = second.grid[at] - first.grid[at];
-                // Shares and solutions are stored in single precision, and the first solution has a small part of the other motions.
+                // Shares and solutions are stored in single precision.
+                let bound = if axis == 2 { 1e-6 } else { 1e-7 };
                 assert!(
-                    (found - expected).abs() < 1e-4 * displacement,
+                    (found - expected).abs() < bound * displacement,
                     "axis {axis}, layer {layers}: {found} {expected}"
                 );
             }
@@ -252,7 +253,7 @@ fn grid_of_a_window_depends_on_its_canopy_alone() {
     assert_eq!(direct.canopy, detour.canopy);
     let off = direct.grid.iter().zip(&detour.grid).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
     println!("off by {:.1e} of the difference of the canopies", off / 5e-3);
-    assert!(off < 1e-3 * 5e-3, "{off}");
+    assert!(off < 5e-6 * 5e-3, "{off}");
 }
 
 #[test]

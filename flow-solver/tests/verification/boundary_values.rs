@@ -383,7 +383,7 @@ fn sliding_lid_drives_the_cavity_of_ghia() {
     assert_eq!(by_wall.q, by_nodes.q);
 }
 
-/// Nodes slide to and fro along walls at rest: the air between stays at rest. Where the walls move with the nodes it does not.
+/// Nodes oscillate along walls at rest: the air between stays at rest. Where the walls move with the nodes it does not.
 #[test]
 fn nodes_that_slide_along_a_wall_at_rest_do_not_drag_the_air() {
     let (n, dt) = (8, 0.1);

@@ -70,7 +70,8 @@ pub enum OuterBoundary {
     #[default]
     Fixed,
     /// Free in the plane of their faces and along the edge between two planes; fixed where three planes meet and
-    /// where faces form no plane. Walls stay at rest: nodes slide along them.
+    /// where faces form no plane. Walls stay at rest, unless a
+    /// `[[stage.body_motion]]` moves them: nodes slide along them.
     Sliding,
 }
 
