@@ -486,6 +486,12 @@ fn gathered_openings_differ_from_reefed_ones() {
     assert!(opens(text));
     assert!(!opens(&text.replace("pressure_pa = 0.01 ", "pressure_pa = 800.0 ")));
     assert!(!opens(&text.replace("release_stage = \"opening\"\nrelease_s = 0.0\n", "")));
+    // The confluence point held in a wind: an opening at infinite mass.
+    let (start, end) =
+        (text.find("[descent]").expect("a descent"), text.find("[[reefing]]").expect("a reefing line"));
+    let held = text[..start].to_owned() + &text[end..];
+    assert!(!opens(&held));
+    assert!(opens(&held.replace("[flow]\n", "[flow]\nwind_m_s = [0.0, 0.0, 40.0]\n")));
 }
 
 #[test]

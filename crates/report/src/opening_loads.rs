@@ -71,6 +71,8 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ("largest force of the risers, N", digits(o.largest_force_n)),
         ("its time, s", digits(o.largest_force_s)),
         ("the same over q S0", digits(o.largest_force_share)),
+        ("largest force coefficient, force over q S0 of the same moment", given(o.largest_coefficient, open)),
+        ("its time, s", given(o.largest_coefficient_s, open)),
     ];
     let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
     if let Some(area) = drag_area(last.columns.all(), of(last)?.density_kg_m3) {
@@ -84,6 +86,10 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         rows.push((
             "opening factor (opening force coefficient), largest force over q CD S",
             digits(o.largest_force_share / coefficient),
+        ));
+        rows.push((
+            "inflation factor, largest force coefficient over that drag coefficient",
+            given(o.largest_coefficient.map(|c| c / coefficient), open),
         ));
         if let Some(mass) = reference.mass_kg {
             rows.push(("ballistic coefficient m/(CD S), kg/m2", digits(mass / area)));

@@ -19,6 +19,7 @@ pub mod machine;
 pub mod mean_descent;
 pub mod opening;
 pub mod pendulum;
+pub mod pooled;
 pub mod program;
 pub mod progress;
 pub mod provenance;

@@ -5,6 +5,9 @@
 //!   within a tenth of the time since line stretch. The filling constant is $`n = t_f v_s / D_0`$ with the speed $`v_s`$ of the air at line stretch.
 //! - **Largest force** F of the risers, over the dynamic pressure at line stretch and the nominal area: $`F / (q_s S_0)`$. Divided by the drag coefficient of the
 //!   open canopy on $`S_0`$ it is the opening force coefficient $`C_X X_1`$.
+//! - **Force coefficient** of the moment, $`C_F = F / (q S_0)`$ with the dynamic pressure of the same window. Its largest value from line stretch to a tenth of the filling
+//!   time after the first full opening, over the drag coefficient of the open canopy, is the inflation factor of Lingard: that of a canopy in a wind tunnel, from which
+//!   the payload's loss of speed is taken out.
 
 use coupling::interface::CanopyInterface;
 use serde::{Deserialize, Serialize};
@@ -75,6 +78,10 @@ pub struct Opening {
     pub largest_force_s: f64,
     /// The same over dynamic pressure at line stretch and nominal area.
     pub largest_force_share: f64,
+    /// Largest force coefficient $`F / (q S_0)`$ with the dynamic pressure of the same window; `None` where the canopy is still opening at the end.
+    pub largest_coefficient: Option<f64>,
+    /// Its time, s.
+    pub largest_coefficient_s: Option<f64>,
     /// Mass ratio $`m / (\rho D_0^3)`$; `None` where the confluence point is held (infinite mass).
     pub mass_ratio: Option<f64>,
     /// Nominal diameter, m.
@@ -98,10 +105,18 @@ impl Opening {
             return None;
         }
         let start = force.iter().position(|f| *f >= STRETCHED * most)?;
-        let speed = *get("stream_speed_m_s")?.get(start).filter(|v| **v > 0.0)?;
+        let speeds = get("stream_speed_m_s")?;
+        let speed = *speeds.get(start).filter(|v| **v > 0.0)?;
         let full = first_opening(time, area, start, FULL * widest);
         let filling = full.map(|k| time[k] - time[start]);
-        let dynamic = 0.5 * reference.density_kg_m3 * speed * speed;
+        let area_force =
+            |speed: f64| 0.5 * reference.density_kg_m3 * speed * speed * reference.nominal_area_m2;
+        let coefficient = full.and_then(|k| {
+            let until = filled_until(time, start, k);
+            let windows = start..time.iter().position(|t| *t > until).unwrap_or(time.len());
+            let values: Vec<f64> = windows.map(|k| force[k] / area_force(speeds[k])).collect();
+            largest(&values).map(|(k, value)| (time[start + k], value))
+        });
         Some(Self {
             line_stretch_s: time[start],
             speed_m_s: speed,
@@ -111,7 +126,9 @@ impl Opening {
             filling_constant: filling.map(|t| t * speed / reference.nominal_diameter()),
             largest_force_n: most,
             largest_force_s: time[peak],
-            largest_force_share: most / (dynamic * reference.nominal_area_m2),
+            largest_force_share: most / area_force(speed),
+            largest_coefficient: coefficient.map(|(_, value)| value),
+            largest_coefficient_s: coefficient.map(|(time, _)| time),
             mass_ratio: reference.mass_ratio(),
             nominal_diameter_m: reference.nominal_diameter(),
         })
@@ -124,8 +141,11 @@ impl Opening {
             _ => "still filling at the end".into(),
         };
         let mass = self.mass_ratio.map_or("infinite mass".into(), |r| format!("mass ratio {r:.3}"));
+        let coefficient = self
+            .largest_coefficient
+            .map_or_else(String::new, |c| format!(", {c:.3} at most with q of the moment"));
         format!(
-            "line stretch at {:.3} s with {:.2} m/s; {filled}; largest riser force {:.0} N at {:.3} s, {:.3} of q S0 ({mass}, D0 {:.3} m)",
+            "line stretch at {:.3} s with {:.2} m/s; {filled}; largest riser force {:.0} N at {:.3} s, {:.3} of q S0{coefficient} ({mass}, D0 {:.3} m)",
             self.line_stretch_s,
             self.speed_m_s,
             self.largest_force_n,
@@ -145,11 +165,16 @@ pub fn drag_area(columns: &[(String, Vec<f64>)], density: f64) -> Option<f64> {
     (pressure > 0.0).then(|| drag[late].iter().sum::<f64>() / pressure)
 }
 
+/// Time until which window `k` is to be the widest since `start` to count as the first full opening, s.
+fn filled_until(time: &[f64], start: usize, k: usize) -> f64 {
+    time[k] + HELD * (time[k] - time[start])
+}
+
 /// The first window from `start` on whose area is at least `least` and is not exceeded within a tenth of the time since `start`.
 fn first_opening(time: &[f64], area: &[f64], start: usize, least: f64) -> Option<usize> {
     let end = time[time.len() - 1];
     (start + 1..time.len()).filter(|&k| area[k] >= least).find(|&k| {
-        let until = time[k] + HELD * (time[k] - time[start]);
+        let until = filled_until(time, start, k);
         let held = area[k + 1..].iter().zip(&time[k + 1..]).take_while(|(_, t)| **t <= until);
         until <= end && held.into_iter().all(|(a, _)| *a <= area[k])
     })
@@ -195,6 +220,27 @@ mod tests {
         assert!(o.line().contains("filled in 0.9"), "{}", o.line());
     }
 
+    /// A payload that slows down: the largest force coefficient comes after the largest force, and neither before line stretch nor long after the opening does a
+    /// slow stream count.
+    #[test]
+    fn force_coefficient_has_the_pressure_of_its_moment() {
+        let mut columns = history(3.0);
+        let time = columns[3].1.clone();
+        let slow = |t: f64| if (0.1..1.3).contains(&t) { 20.0 - 10.0 * (t - 0.1) } else { 0.5 };
+        columns[0].1 = time.iter().map(|&t| slow(t)).collect();
+        let o = Opening::of_history(&columns, &REFERENCE).expect("an opening");
+        let of = |t: f64| {
+            (500.0 + 9000.0 * (-((t - 0.8) / 0.2).powi(2)).exp())
+                / (0.6 * slow(t) * slow(t) * REFERENCE.nominal_area_m2)
+        };
+        let expected = time.iter().filter(|t| **t > 0.1 && **t < 1.1).map(|&t| of(t)).fold(0.0, f64::max);
+        let found = o.largest_coefficient.unwrap();
+        assert!((found / expected - 1.0).abs() < 1e-9, "{found} {expected}");
+        assert!(o.largest_coefficient_s.unwrap() > o.largest_force_s + 0.02, "{o:?}");
+        assert!(found > 1.5 * o.largest_force_share, "{o:?}");
+        assert!(o.line().contains("with q of the moment"), "{}", o.line());
+    }
+
     /// The drag area of a canopy with a constant drag of 6 kN in air of 20 m/s.
     #[test]
     fn drag_area_is_drag_over_dynamic_pressure() {
@@ -207,7 +253,7 @@ mod tests {
     #[test]
     fn openings_that_have_not_ended_are_no_figures() {
         let o = Opening::of_history(&history(0.9), &REFERENCE).expect("an opening");
-        assert_eq!((o.filling_time_s, o.filling_constant), (None, None));
+        assert_eq!((o.filling_time_s, o.filling_constant, o.largest_coefficient), (None, None, None));
         assert!(o.line().contains("still filling"), "{}", o.line());
         let mut open = history(3.0);
         open.iter_mut().for_each(|(_, v)| *v = v.split_off(190));

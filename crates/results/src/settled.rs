@@ -81,10 +81,7 @@ impl SettledMean {
 
     /// Name and unit of the quantity.
     pub fn label(&self) -> (&str, &str) {
-        QUANTITIES
-            .iter()
-            .find(|(name, _, _)| *name == self.quantity)
-            .map_or((self.quantity.as_str(), "-"), |(_, label, unit)| (label, unit))
+        label(&self.quantity)
     }
 
     /// What the mean is: a settled one has an interval.
@@ -124,6 +121,14 @@ impl SettledMean {
     fn batch_s(&self) -> f64 {
         (self.to_s - self.from_s) / self.batches.max(1) as f64
     }
+}
+
+/// Name and unit of a column of `history.csv`; the column itself where it is none of [`QUANTITIES`].
+pub fn label(column: &str) -> (&str, &str) {
+    QUANTITIES
+        .iter()
+        .find(|(name, _, _)| *name == column)
+        .map_or((column, "-"), |(_, label, unit)| (label, unit))
 }
 
 /// Decimals that show two digits of `half_width`.

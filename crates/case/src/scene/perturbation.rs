@@ -86,7 +86,7 @@ impl Perturbation {
 
 impl Scene {
     /// Steady stream of a stage relative to a canopy that moves with the initial velocity, m/s.
-    fn steady_stream(&self, stage: &Stage) -> [f64; 3] {
+    pub(super) fn steady_stream(&self, stage: &Stage) -> [f64; 3] {
         let resolved = self.resolved();
         let wind = stage.wind.as_ref().map_or(resolved.wind_m_s, |w| w.velocity_m_s);
         std::array::from_fn(|i| wind[i] - resolved.initial_velocity_m_s[i])

@@ -32,11 +32,12 @@ const GATHERED_PRESSURE: f64 = 0.05;
 
 impl Scene {
     /// Whether the canopy opens from a gathered skirt: a reefing line is cut in the first coupled stage, and the stages before it inflate the canopy by less than
-    /// 5 % of the dynamic pressure at the initial speed. A canopy that was inflated reefed does not.
+    /// 5 % of the dynamic pressure of the stream there, of the descent or of a wind on a held payload. A canopy that was inflated reefed does not.
     pub fn opens_gathered(&self) -> bool {
         let first = self.stages.iter().position(|s| s.kind == StageKind::Coupled);
-        let speed = self.descent.as_ref().map_or(0.0, |d| d.initial_speed_m_s);
-        let dynamic = self.flow.as_ref().map_or(0.0, |f| 0.5 * f.density_kg_m3 * speed * speed);
+        let stream = first.map_or([0.0; 3], |k| self.steady_stream(&self.stages[k]));
+        let squared: f64 = stream.iter().map(|v| v * v).sum();
+        let dynamic = self.flow.as_ref().map_or(0.0, |f| 0.5 * f.density_kg_m3 * squared);
         let gathers = |s: &Stage| s.pressure_pa.is_some_and(|p| p.abs() < GATHERED_PRESSURE * dynamic);
         let inflations = |k: usize| self.stages[..k].iter().filter(|s| s.kind == StageKind::PreInflation);
         let gathered = |k: usize| inflations(k).count() > 0 && inflations(k).all(gathers);
