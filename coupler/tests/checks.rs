@@ -51,6 +51,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("validation/rigid-cup/oscillation.toml", &["flow.cells-across"]),
     ("validation/rigid-cup/scene.toml", &["flow.cells-across"]),
     ("validation/ring-in-fluid/scene.toml", &["stages.force"]),
+    ("validation/t-10/scene.toml", &[]),
     ("validation/tube-pulse/scene.toml", &[]),
 ];
 

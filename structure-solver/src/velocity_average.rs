@@ -32,7 +32,8 @@ use crate::system::System;
 ///
 /// The price is a first-order error in the inertia of the *fabric* (up to a third of
 /// its mass), which is small relative to that of the air where this is needed. Without a choice of
-/// the scene $`\chi`$ falls with the air's share (`fitting`).
+/// the scene $`\chi`$ falls with the air's share (`fitting`), and is 0 in an immersed flow, which takes
+/// the mean velocity itself: no mode grows without the average there (decision 80).
 #[derive(Clone, Debug)]
 pub struct VelocityAverage {
     weight: f64,
@@ -47,7 +48,12 @@ impl VelocityAverage {
     /// As the scene couples: only implicit windows have a converged velocity.
     pub fn of(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Option<Self> {
         let coupled = scene.stages[stage].kind == StageKind::Coupled;
+        // An immersed flow takes the mean velocity of the window itself: it needs no average.
+        let immersed = scene.flow.as_ref().is_some_and(case::Flow::is_immersed);
         let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
+            if immersed {
+                return 0.0;
+            }
             let sides = if scene.is_one_sided() { 0.5 } else { 1.0 };
             let air = sides * scene.resolved().canopy_air.density_kg_m3;
             let fabric = mesh.mean_areal_mass(scene);
@@ -126,6 +132,26 @@ mod tests {
         let normal = [0.0, 0.6, 0.8].map(|n| 0.3 * n);
         assert!(near(drawn([2.0, 3.0, 1.0], [0.2, 0.3, 0.1], normal), [2.0, 3.0, 1.0]));
         assert!(near(drawn([0.0, 0.6, 0.8], [0.0; 3], normal), [0.0, 0.3, 0.4]));
+    }
+
+    /// Without a choice of the scene a fitted canopy has the average, an immersed one has none.
+    #[test]
+    fn immersed_canopies_keep_their_velocity() {
+        let load = |file: &str| {
+            let cases = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
+            case::load(&cases.join(file)).expect("a scene of the repository")
+        };
+        let weight = |scene: &Scene| {
+            let stage =
+                scene.stages.iter().position(|s| s.kind == StageKind::Coupled).expect("a coupled stage");
+            let mesh = mesh::structure_mesh(scene).expect("a mesh");
+            VelocityAverage::of(scene, stage, &mesh).map_or(0.0, |a| a.weight)
+        };
+        assert!(weight(&load("square-drop/scene.toml")) > 0.4);
+        let mut immersed = load("atps-opening/scene.toml");
+        assert_eq!(weight(&immersed), 0.0);
+        immersed.coupling.velocity_average = Some(0.3);
+        assert_eq!(weight(&immersed), 0.3);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Coupled stage: structure, mesh, flow and descent (paper, section 5.2).
 
-use case::{AirMotion, Role};
+use case::{AirMotion, LoadShape, Role, Scheme};
 use channel::{Window, structure_stats};
 use coupling::assembly::CoupledStage;
 use coupling::balance::{SystemBalance, WindowTerms};
@@ -26,6 +26,8 @@ pub(super) struct Coupled<'a> {
     work: (f64, f64),
     descent: Option<DescentModel>,
     balance: SystemBalance,
+    /// The load at the end of a window acts on the structure throughout it.
+    load_is_constant: bool,
     /// Pending warning of an upward acceleration that the line forces cannot cause.
     rise: Option<String>,
     rise_reported: bool,
@@ -59,12 +61,15 @@ impl<'a> Coupled<'a> {
             work: (0.0, 0.0),
             descent,
             balance: SystemBalance::default(),
+            load_is_constant: context.scene.coupling.scheme == Scheme::Implicit
+                && context.scene.load_shape() == LoadShape::Constant,
             rise: None,
             rise_reported: false,
         }
     }
 
-    /// Adds the last window, with initial `velocity` (m/s) and force `before` (N), to the system balance.
+    /// Adds the last window, with initial `velocity` (m/s) and force `before` of the load at its start (N), to the system balance. A load that is constant over the window
+    /// acts on faces that turn and grow in it.
     fn add_to_balance(&mut self, report: &WindowReport, dt: f64, velocity: [f64; 3], before: Option<Vec3>) {
         // The energy of a payload that moves in the frame is in no statistic.
         let Some(model) = self.descent.filter(|d| d.weight != Weight::Body) else { return };
@@ -75,7 +80,10 @@ impl<'a> Coupled<'a> {
             self.rise = Limits::of(&model, state.acceleration, state.velocity, &forces).upward();
         }
         let lines = model.air_on_lines(stats);
-        let end = self.interface.force(state.load.as_deref().unwrap_or(&[]), &state.displacement);
+        let load = state.load.as_deref().unwrap_or(&[]);
+        let end = self.interface.force(load, &state.displacement);
+        let before =
+            if self.load_is_constant { Some(self.interface.force(load, &self.start)) } else { before };
         let terms = WindowTerms {
             dt,
             velocity: [velocity.into(), state.velocity.into()],

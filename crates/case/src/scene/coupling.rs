@@ -38,7 +38,7 @@ pub struct Coupling {
     /// Share of the mean velocity over an implicit window in the structure's velocity
     /// at its end, along the fabric's normal, 0 to 1: holds light fabric to the motion that
     /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
-    /// where it weighs less.
+    /// where it weighs less or the flow is immersed.
     pub velocity_average: Option<f64>,
     /// Retries of a rejected window with a shorter one.
     pub adaptive: AdaptiveWindow,
