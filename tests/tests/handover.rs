@@ -17,8 +17,9 @@ fn both_methods(folder: &Path) -> PathBuf {
     let changes = [
         ("[flow.solver]\n", "[flow]\nwind_m_s = [0.0, 0.0, -1.0]\n\n[flow.solver]\n"),
         ("initial_speed_m_s = 4.0", "initial_speed_m_s = 5.0"),
-        // At 5e-3 the last iterates of one and two ranks differ by 2e-3 of the drag.
-        ("tolerance = 5e-3", "tolerance = 5e-4"),
+        // At 5e-3 the last iterates of one and two ranks differ by 2e-3 of the drag. Without the average, which fitted grids have by default, slack fabric makes
+        // 2e-2 of any difference in ten windows.
+        ("tolerance = 5e-3", "tolerance = 5e-4\nvelocity_average = 0.5"),
         ("[flow.grid]\n", "[flow.immersed]\nspacing_m = 0.125\n\n[flow.grid]\n"),
         ("duration_s = 0.2\nwindow_s = 2e-2\n", "duration_s = 0.6\nwindow_s = 2e-2\n"),
         ("duration_s = 0.1\nwindow_s = 5e-3\nsubsteps = 10\n", &stages),
