@@ -51,14 +51,14 @@ fn immersed_descent_balances_and_resumes_bitwise() {
     // The work on the structure is that of the air, by less than the tolerance of the coupling.
     let share = history.column("interface_energy_error_share");
     assert!(share.last().expect("rows").abs() < 2e-3, "{share:?}");
-    // Structure and coupling take neither momentum nor energy: an average of the velocity took 30 times as much of both.
+    // Structure and coupling take neither momentum nor energy: 4.5e-3 N s and 7e-3 J; an average of the velocity of one half takes 80 and 100 times as much.
     let last = |column: &str| *history.column(column).last().expect("rows");
     let (missing, created) = (last("system_missing_impulse_n_s"), last("system_energy_created_j"));
     println!(
         "missing impulse {missing:e} N s, created energy {created:e} J, work of the air {:e} J",
         last("system_air_work_j")
     );
-    assert!(missing < 1e-2 && created.abs() < 0.1, "{missing} N s, {created} J");
+    assert!(missing < 1e-2 && created.abs() < 0.02, "{missing} N s, {created} J");
     // The cloth is airtight but for what the regularisation of the constraints lets pass.
     let text = std::fs::read_to_string(a.join("summary.json")).expect("a summary");
     let summary: serde_json::Value = serde_json::from_str(&text).expect("JSON");
