@@ -154,6 +154,86 @@ mod tests {
         assert_eq!(weight(&immersed), 0.3);
     }
 
+    /// One mode of fabric and air in a coupled window of unit length, fabric of unit mass: exact between the ends under a constant load.
+    #[derive(Clone, Copy)]
+    struct Mode {
+        /// Added mass over the fabric's.
+        mu: f64,
+        /// Angular frequency without air times the window.
+        angle: f64,
+        /// Share of the average.
+        share: f64,
+        /// The average draws to a velocity of second order instead of the mean of the window.
+        second_order: bool,
+        /// The air takes the mean velocity, and its load at the end acts throughout; else BDF2 and the mean load.
+        immersed: bool,
+    }
+
+    impl Mode {
+        /// Largest growth in a window, from a start that has all modes of the recursion.
+        fn growth(self) -> f64 {
+            let (c, s) = (self.angle.cos(), self.angle.sin());
+            let ([mut x, mut v, mut before], mut p, mut u) = ([0.3, 0.7, -0.2], [0.4, -0.1], [0.5, 0.2]);
+            let ([a, b, e], mut logarithm) =
+                (if self.immersed { [1.0, 0.0, 0.0] } else { [9.0 / 16.0, 3.0 / 8.0, 1.0 / 16.0] }, 0.0);
+            for window in 0..6000 {
+                let mean = |x1: f64| x1 - x;
+                let bdf2 = |x1: f64| 1.5 * x1 - 2.0 * x + 0.5 * before;
+                let seen = |x1: f64| if self.immersed { mean(x1) } else { bdf2(x1) };
+                let load = |x1: f64| {
+                    let rate = if self.immersed {
+                        seen(x1) - u[0]
+                    } else {
+                        1.5 * seen(x1) - 2.0 * u[0] + 0.5 * u[1]
+                    };
+                    -self.mu * rate
+                };
+                let applied = |x1: f64| a * load(x1) + b * p[0] + e * p[1];
+                let (free, by_load) = (c * x + s / self.angle * v, (1.0 - c) / (self.angle * self.angle));
+                // The load is linear in the displacement at the end.
+                let slope = applied(1.0) - applied(0.0);
+                let x1 = (free + by_load * applied(0.0)) / (1.0 - by_load * slope);
+                let own = c * v - self.angle * s * x + s / self.angle * applied(x1);
+                let drawn = if self.second_order { bdf2(x1) } else { mean(x1) };
+                let next = [x1, own + self.share * (drawn - own), x];
+                (p, u) = ([load(x1), p[0]], [seen(x1), u[0]]);
+                [x, v, before] = next;
+                let size = [x, v, before, p[0], p[1], u[0], u[1]].iter().map(|y| y * y).sum::<f64>().sqrt();
+                logarithm += if window < 3000 { 0.0 } else { size.ln() };
+                for y in [&mut x, &mut v, &mut before].into_iter().chain(&mut p).chain(&mut u) {
+                    *y /= size;
+                }
+            }
+            (logarithm / 3000.0).exp()
+        }
+    }
+
+    /// Largest growth over the frequencies without air.
+    fn largest(mode: Mode) -> f64 {
+        (1..240).map(|k| Mode { angle: 0.05 * f64::from(k), ..mode }.growth()).fold(0.0, f64::max)
+    }
+
+    /// The linear analysis of decision 80: without the average no mode grows in either flow. Drawn to the mean, modes without added mass grow by 1.053 and the others hardly; drawn to a
+    /// velocity of second order, both grow more.
+    #[test]
+    fn no_mode_of_an_immersed_canopy_grows_without_the_average() {
+        let mode = Mode { mu: 0.0, angle: 0.0, share: 0.0, second_order: false, immersed: true };
+        for mu in [0.001, 0.1, 2.0, 50.0] {
+            for immersed in [true, false] {
+                let growth = largest(Mode { mu, immersed, ..mode });
+                assert!(growth < 1.0005, "{mu} {immersed}: {growth}");
+            }
+        }
+        let drawn =
+            |mu, second_order, immersed| largest(Mode { mu, share: 0.5, second_order, immersed, ..mode });
+        for immersed in [true, false] {
+            assert!((drawn(0.001, false, immersed) - 1.053).abs() < 1e-3);
+            assert!((drawn(0.001, true, immersed) - 1.154).abs() < 1e-3);
+            assert!(drawn(10.0, false, immersed) < 1.001);
+        }
+        assert!((drawn(0.5, true, false) - 1.0143).abs() < 5e-4);
+    }
+
     #[test]
     fn heavy_fabric_keeps_its_inertia() {
         // The ATPS: 140 m2 of 0.0373 kg/m2 in air; a panel of steel.

@@ -74,8 +74,10 @@ fn flat_sheet_snapping_lines_gust_and_light_payload_are_stable() {
     // Without the average of the velocity, which an immersed canopy has not by default (3.798 m/s with it).
     run(&case("snapping-lines", (3.7374, 0.005)));
     run(&case("gust", (3.5911, 0.01)));
-    // Without the average of the velocity 3.344 m/s on the grid of the scene, 3.207 on half the spacing: the lighter the payload, the more the grids differ.
-    run(&case("light-payload", (3.2072, 0.025)));
+    // 3.354 m/s on the grid of the scene, 3.218 on half the spacing: the lighter the payload, the more the grids differ. Both methods with the average of the
+    // velocity that fitted grids have by default; without it 3.142 and, on half the spacing, 3.207 m/s.
+    let alike = Some("coupling.velocity_average=0.5");
+    run(&Case { change: alike, ..case("light-payload", (3.2179, 0.02)) });
 }
 
 #[test]

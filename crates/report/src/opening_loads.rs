@@ -81,15 +81,16 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
             None => String::new(),
             Some(why) => format!(" (not settled: {why})"),
         };
+        let open_drag = if state.is_empty() { "" } else { " (its drag is not settled)" };
         rows.push(("drag area CD S in the last half of the last coupled stage, m2", digits(area) + &state));
         rows.push(("drag coefficient on S0 there", digits(coefficient)));
         rows.push((
             "opening factor (opening force coefficient), largest force over q CD S",
-            digits(o.largest_force_share / coefficient),
+            digits(o.largest_force_share / coefficient) + open_drag,
         ));
         rows.push((
             "inflation factor, largest force coefficient over that drag coefficient",
-            given(o.largest_coefficient.map(|c| c / coefficient), open),
+            given(o.largest_coefficient.map(|c| c / coefficient), open) + open_drag,
         ));
         if let Some(mass) = reference.mass_kg {
             rows.push(("ballistic coefficient m/(CD S), kg/m2", digits(mass / area)));
