@@ -81,6 +81,8 @@ pub struct Explicit {
     pub safety: f64,
     /// Residual forces, N.
     force: Vec<f64>,
+    /// Acceleration on every mass of owned components, m/s2; zero where constrained.
+    body: Vec<f64>,
     /// Half-step velocities of local components, m/s.
     half: Vec<f64>,
     /// Positions at the start of a step, m; empty without stresses by rates.
@@ -119,6 +121,7 @@ impl Explicit {
         let damping_rate = damping_rate(system, &inverse_mass);
         let n = 3 * system.model.n_local();
         Ok(Self {
+            body: vec![0.0; inverse_mass.len()],
             inverse_mass,
             frequency,
             damping_rate,
@@ -156,10 +159,16 @@ impl Explicit {
         self.known = false;
     }
 
-    /// Acceleration of component `i` without damping, m/s2.
+    /// Keeps the acceleration `body` (m/s2) on every mass.
+    fn set_body(&mut self, body: [f64; 3]) {
+        let components = self.body.iter_mut().zip(&self.inverse_mass).enumerate();
+        components.for_each(|(i, (b, m))| *b = if *m > 0.0 { body[i % 3] } else { 0.0 });
+    }
+
+    /// Accelerations of the owned components without damping, m/s2; zero where constrained.
     #[inline(always)]
-    fn acceleration(&self, i: usize, body: [f64; 3]) -> f64 {
-        if self.inverse_mass[i] > 0.0 { body[i % 3] - self.inverse_mass[i] * self.force[i] } else { 0.0 }
+    fn accelerations(&self) -> impl Iterator<Item = f64> {
+        self.body.iter().zip(&self.inverse_mass).zip(&self.force).map(|((b, m), f)| b - m * f)
     }
 }
 
@@ -306,6 +315,7 @@ impl Dynamics {
         let (owned, h) = (e.inverse_mass.len(), part.dt() / count);
         let mut carried = self.payload.take().zip(self.next.body);
         self.system.set_step(h);
+        e.set_body(body);
         (e.applied_impulse, e.taken) = (Vec3::zeros(), 0.0);
         let mut applied = -sum_of_nodes(&e.force[..owned]);
         for k in 1..=count as u64 {
@@ -374,10 +384,12 @@ impl Dynamics {
         let CentralStep { h, slowing, body, .. } = *step;
         let owned = e.inverse_mass.len();
         let State { u, v, .. } = &mut self.next;
-        for i in 0..owned {
-            e.half[i] = (v[i] + 0.5 * h * e.acceleration(i, body)) / (1.0 + slowing);
-            u[i] += h * e.half[i];
+        let mut half = std::mem::take(&mut e.half);
+        for (((half, u), v), a) in half.iter_mut().zip(&mut *u).zip(&*v).zip(e.accelerations()) {
+            *half = (v + 0.5 * h * a) / (1.0 + slowing);
+            *u += h * *half;
         }
+        e.half = half;
         for (i, moved) in self.motions.iter().flat_map(|m| m.values(step.time)) {
             let i = i as usize;
             if i < owned {
@@ -394,8 +406,8 @@ impl Dynamics {
                 }
             }
         }
-        for i in 0..owned {
-            self.x[i] = self.system.model.reference[i] + u[i];
+        for ((x, reference), u) in self.x[..owned].iter_mut().zip(&self.system.model.reference).zip(&*u) {
+            *x = reference + u;
         }
         self.system.model.halo.exchange(&mut self.x, 3);
     }
@@ -426,9 +438,8 @@ impl Dynamics {
             };
             p.finish(s, system.comm(), owned / 3, pull, body.into(), h);
         }
-        let v = &mut self.next.v;
-        for i in 0..owned {
-            v[i] = (1.0 - slowing) * e.half[i] + 0.5 * h * e.acceleration(i, body);
+        for ((v, half), a) in self.next.v.iter_mut().zip(&e.half).zip(e.accelerations()) {
+            *v = (1.0 - slowing) * half + 0.5 * h * a;
         }
     }
 
@@ -455,8 +466,8 @@ impl Dynamics {
             }
             self.system.anchor_rates(&e.half);
         }
-        for i in 0..owned {
-            self.next.a[i] = e.acceleration(i, part.body) - self.damping * self.next.v[i];
+        for ((a, v), free) in self.next.a.iter_mut().zip(&self.next.v).zip(e.accelerations()) {
+            *a = free - self.damping * v;
         }
     }
 

@@ -108,6 +108,7 @@ impl LineDrag {
 
 impl Kernel<2> for LineDrag {
     type Element = Strand;
+    type Batch = ();
     const RATE: bool = true;
     const AIR: bool = true;
 

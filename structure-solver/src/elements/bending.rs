@@ -115,6 +115,7 @@ impl Bending {
 
 impl Kernel<6> for Bending {
     type Element = Patch;
+    type Batch = ();
 
     #[inline(always)]
     fn force<const TRACTION: bool, const BLEND: bool>(

@@ -7,7 +7,9 @@
 
 use super::mass::{self, MassMatrix};
 use super::{Kernel, Load, Step, load};
+use crate::lanes::{LANES, Lanes};
 use mesh::geometry::{Mat3, Vec3};
+use nalgebra::Vector3;
 
 /// The two triangles of a face, and those of the other cut.
 const CUTS: [[[usize; 3]; 2]; 2] = [[[0, 1, 2], [0, 2, 3]], [[1, 2, 3], [1, 3, 0]]];
@@ -34,6 +36,7 @@ impl BentFace {
 
 impl Kernel<4> for BentFace {
     type Element = Face;
+    type Batch = ();
     const LOADED: bool = true;
 
     #[inline(always)]
@@ -44,6 +47,20 @@ impl Kernel<4> for BentFace {
         load: &Load,
     ) -> [Vec3; 4] {
         load::bend_force(-load.pressure, &step.at)
+    }
+
+    fn batch(&self, _e: [&Face; LANES]) -> Option<()> {
+        Some(())
+    }
+
+    #[inline(always)]
+    fn forces<const TRACTION: bool>(
+        &self,
+        _batch: &(),
+        x: &[Vector3<Lanes>; 4],
+        load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; 4]> {
+        Some(load::bend_force(-load.pressure, x))
     }
 
     #[inline(always)]

@@ -263,6 +263,7 @@ fn between(x: &[Vec3; 2]) -> Vec3 {
 
 impl<S: AxialStress> Kernel<2> for Cable<S> {
     type Element = Line<S::Start>;
+    type Batch = ();
     const RATE: bool = S::RATE;
     const TIMED: bool = S::TIMED;
 

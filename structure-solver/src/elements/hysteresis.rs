@@ -47,6 +47,7 @@ impl<L: CableLaw> Hysteresis<L> {
 
 impl<L: CableLaw> Kernel<2> for Hysteresis<L> {
     type Element = HystereticLine;
+    type Batch = ();
     const VARIABLES: usize = 2;
 
     #[inline(always)]

@@ -1,17 +1,19 @@
 //! Loads on the deformed triangle: follower pressure and traction; pressure on a bent face.
 
+use crate::lanes::Real;
 use mesh::geometry::{Mat3, Vec3};
+use nalgebra::Vector3;
 
 /// Area vector of a triangle (m2): its normal by the right-hand rule times its area.
 #[inline(always)]
-pub fn area_vector(x: &[Vec3; 3]) -> Vec3 {
-    (x[1] - x[0]).cross(&(x[2] - x[0])) * 0.5
+pub fn area_vector<T: Real>(x: &[Vector3<T>; 3]) -> Vector3<T> {
+    (x[1] - x[0]).cross(&(x[2] - x[0])) * T::splat(0.5)
 }
 
 /// Force on each node (N) of the uniform pressure jump `p` (Pa) along the normal.
 #[inline(always)]
-pub fn pressure_force(p: f64, x: &[Vec3; 3]) -> Vec3 {
-    area_vector(x) * (p / 3.0)
+pub fn pressure_force<T: Real>(p: T, x: &[Vector3<T>; 3]) -> Vector3<T> {
+    area_vector(x) * (p / T::splat(3.0))
 }
 
 /// Derivative of [`pressure_force`] by each node: block `[m]` belongs to column
@@ -28,8 +30,8 @@ pub fn pressure_tangent(p: f64, x: &[Vec3; 3]) -> [Mat3; 3] {
 /// Force on each node (N) of the traction `t` (Pa) on the deformed area. Its
 /// direction is given ("dead"); its amount follows the area.
 #[inline(always)]
-pub fn traction_force(t: Vec3, x: &[Vec3; 3]) -> Vec3 {
-    t * (area_vector(x).norm() / 3.0)
+pub fn traction_force<T: Real>(t: Vector3<T>, x: &[Vector3<T>; 3]) -> Vector3<T> {
+    t * (area_vector(x).norm() / T::splat(3.0))
 }
 
 /// Derivative of [`traction_force`] by each node, as in [`pressure_tangent`].
@@ -52,9 +54,9 @@ pub fn traction_tangent(t: Vec3, x: &[Vec3; 3]) -> [Mat3; 3] {
 /// volume that differs by $`V = \tfrac{1}{12} \det(x_1-x_0,\, x_2-x_0,\, x_3-x_0)`$ where the face is bent. Pressure does the
 /// work of the wall's volume only with the further forces $`p\,\partial V/\partial x_n`$, whose sum and moment are zero.
 #[inline(always)]
-pub fn bend_force(p: f64, x: &[Vec3; 4]) -> [Vec3; 4] {
+pub fn bend_force<T: Real>(p: T, x: &[Vector3<T>; 4]) -> [Vector3<T>; 4] {
     let [u, v, w] = edges(x);
-    let q = p / 12.0;
+    let q = p / T::splat(12.0);
     let [f1, f2, f3] = [v.cross(&w), w.cross(&u), u.cross(&v)].map(|f| f * q);
     [-(f1 + (f2 + f3)), f1, f2, f3]
 }
@@ -81,7 +83,7 @@ pub fn bend_tangent(p: f64, x: &[Vec3; 4]) -> [[Mat3; 4]; 4] {
 
 /// The face's corners seen from its first.
 #[inline(always)]
-fn edges(x: &[Vec3; 4]) -> [Vec3; 3] {
+fn edges<T: Real>(x: &[Vector3<T>; 4]) -> [Vector3<T>; 3] {
     [1, 2, 3].map(|n| x[n] - x[0])
 }
 

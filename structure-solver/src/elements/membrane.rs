@@ -7,8 +7,10 @@
 //! Strains and stresses are in Voigt order: 11, 22, 12 with $`\gamma = 2E_{12}`$.
 
 use super::{Kernel, Load, Sheet, Step, load};
+use crate::lanes::{LANES, Lanes, Real, lanes};
 use crate::materials::StepLaw;
 use mesh::geometry::{Mat3, Vec3};
+use nalgebra::Vector3;
 
 /// What a membrane element keeps of its reference state.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,27 +67,28 @@ impl Reference {
 
 /// Deformed tangent vectors and the Green strain.
 #[derive(Clone, Copy, Debug)]
-pub struct Deformation {
+pub struct Deformation<T = f64> {
     /// Columns of the 3x2 deformation gradient.
-    pub f: [Vec3; 2],
+    pub f: [Vector3<T>; 2],
     /// Green strain E11, E22, 2 E12.
-    pub strain: [f64; 3],
+    pub strain: [T; 3],
 }
 
 /// Deformation of the triangle with nodes now at `x` (m).
 #[inline(always)]
-pub fn deformation(h: &[f64; 4], x: &[Vec3; 3]) -> Deformation {
+pub fn deformation<T: Real>(h: &[T; 4], x: &[Vector3<T>; 3]) -> Deformation<T> {
     let (a, b) = (x[1] - x[0], x[2] - x[0]);
     let f1 = a * h[0] + b * h[2];
     let f2 = a * h[1] + b * h[3];
-    Deformation { f: [f1, f2], strain: [0.5 * (f1.dot(&f1) - 1.0), 0.5 * (f2.dot(&f2) - 1.0), f1.dot(&f2)] }
+    let [half, one] = [0.5, 1.0].map(T::splat);
+    Deformation { f: [f1, f2], strain: [half * (f1.dot(&f1) - one), half * (f2.dot(&f2) - one), f1.dot(&f2)] }
 }
 
 /// Internal nodal forces (N) for second Piola-Kirchhoff stress `s` (Pa) and
 /// `volume`, the reference area times the thickness (m3).
 #[inline(always)]
-pub fn force(h: &[f64; 4], d: &Deformation, s: &[f64; 3], volume: f64) -> [Vec3; 3] {
-    let one = |h1: f64, h2: f64| {
+pub fn force<T: Real>(h: &[T; 4], d: &Deformation<T>, s: &[T; 3], volume: T) -> [Vector3<T>; 3] {
+    let one = |h1: T, h2: T| {
         let c1 = volume * (s[0] * h1 + s[2] * h2);
         let c2 = volume * (s[2] * h1 + s[1] * h2);
         d.f[0] * c1 + d.f[1] * c2
@@ -190,6 +193,13 @@ pub struct Element<T> {
     start: T,
 }
 
+/// Triangles of a batch.
+pub struct Batch {
+    gradient: [Lanes; 4],
+    /// m3.
+    volume: Lanes,
+}
+
 impl<L: StepLaw> Triangle<L> {
     /// Density in kg/m3.
     pub fn new(law: L, density: f64) -> Self {
@@ -208,23 +218,28 @@ impl<L: StepLaw> Triangle<L> {
 
 /// Internal less external forces: each node has the same share of the load.
 #[inline(always)]
-fn net<L: StepLaw, const TRACTION: bool>(r: [Vec3; 3], load: &Load, x: &[Vec3; 3]) -> [Vec3; 3] {
+fn net<T: Real, L: StepLaw, const TRACTION: bool>(
+    r: [Vector3<T>; 3],
+    load: &Load<T>,
+    x: &[Vector3<T>; 3],
+) -> [Vector3<T>; 3] {
     if L::ADDS {
         return r;
     }
-    let f = share::<TRACTION>(load, x);
+    let f = share::<T, TRACTION>(load, x);
     r.map(|r| r - f)
 }
 
 /// Load on each node, N.
 #[inline(always)]
-fn share<const TRACTION: bool>(load: &Load, x: &[Vec3; 3]) -> Vec3 {
+fn share<T: Real, const TRACTION: bool>(load: &Load<T>, x: &[Vector3<T>; 3]) -> Vector3<T> {
     let f = load::pressure_force(load.pressure, x);
     if TRACTION { f + load::traction_force(load.traction, x) } else { f }
 }
 
 impl<L: StepLaw> Kernel<3> for Triangle<L> {
     type Element = Element<L::Start>;
+    type Batch = Batch;
     const RATE: bool = L::RATE;
     const VARIABLES: usize = L::VARIABLES;
     const LOADED: bool = !L::ADDS;
@@ -243,7 +258,26 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         let d = deformation(&e.gradient, &step.at);
         let end = if BLEND { deformation(&e.gradient, &step.end) } else { d };
         let s = self.law.stress::<BLEND>(&e.start, end.strain, step.weight);
-        net::<L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at)
+        net::<f64, L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at)
+    }
+
+    fn batch(&self, e: [&Self::Element; LANES]) -> Option<Batch> {
+        L::OF_STRAIN.then(|| Batch {
+            gradient: [0, 1, 2, 3].map(|i| lanes(|l| e[l].gradient[i])),
+            volume: lanes(|l| e[l].volume),
+        })
+    }
+
+    #[inline(always)]
+    fn forces<const TRACTION: bool>(
+        &self,
+        e: &Batch,
+        x: &[Vector3<Lanes>; 3],
+        load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; 3]> {
+        let d = deformation(&e.gradient, x);
+        let s = self.law.stresses(d.strain);
+        Some(net::<Lanes, L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, x))
     }
 
     #[inline(always)]
@@ -257,7 +291,7 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         let d = deformation(&e.gradient, &step.at);
         let end = if BLEND { deformation(&e.gradient, &step.end) } else { d };
         let (s, c) = self.law.tangent::<BLEND>(&e.start, end.strain, step.weight);
-        let f = net::<L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at);
+        let f = net::<f64, L, TRACTION>(force(&e.gradient, &d, &s, e.volume), load, &step.at);
         let mut k = if BLEND {
             stiffness_between(&e.gradient, &d, &end, &s, &c, e.volume * factor)
         } else {
@@ -285,7 +319,7 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
 
     #[inline(always)]
     fn external<const TRACTION: bool>(&self, _e: &Self::Element, x: &[Vec3; 3], load: &Load) -> [Vec3; 3] {
-        [share::<TRACTION>(load, x); 3]
+        [share::<f64, TRACTION>(load, x); 3]
     }
 
     fn energy(&self, e: &Self::Element, x: &[Vec3; 3]) -> f64 {

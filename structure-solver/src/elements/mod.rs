@@ -20,10 +20,12 @@ pub(crate) mod check;
 #[cfg(test)]
 mod step_tests;
 
+use crate::lanes::{LANES, Lanes};
 use crate::materials::{Regime, Strain, Stress};
 use crate::stream::Stream;
 use mass::MassMatrix;
 use mesh::geometry::{Mat3, Vec3};
+use nalgebra::Vector3;
 
 /// Positions of an element's nodes in a step, m; see [`crate::loops::Configuration`].
 #[derive(Clone, Copy, Debug)]
@@ -45,11 +47,11 @@ impl<const N: usize> Step<N> {
 
 /// Load on the face of an element, Pa.
 #[derive(Clone, Copy, Debug)]
-pub struct Load {
+pub struct Load<T = f64> {
     /// Pressure jump, inside minus outside.
-    pub pressure: f64,
+    pub pressure: T,
     /// Traction.
-    pub traction: Vec3,
+    pub traction: Vector3<T>,
 }
 
 impl Load {
@@ -76,6 +78,8 @@ pub struct Sheet {
 pub trait Kernel<const N: usize>: 'static {
     /// Reference state of an element, and its state at the start of the step.
     type Element;
+    /// Reference states of [`LANES`] elements; none of kernels without [`Kernel::batch`].
+    type Batch;
 
     /// Whether forces depend on the rate of strains.
     const RATE: bool = false;
@@ -98,6 +102,22 @@ pub trait Kernel<const N: usize>: 'static {
         step: &Step<N>,
         load: &Load,
     ) -> [Vec3; N];
+
+    /// Some elements together, for [`Kernel::forces`]; `None`: the kernel takes each alone.
+    fn batch(&self, _e: [&Self::Element; LANES]) -> Option<Self::Batch> {
+        None
+    }
+
+    /// As [`Kernel::force`] of all elements of a batch with nodes at `x` (m), in a step without a start: the same digits.
+    #[inline(always)]
+    fn forces<const TRACTION: bool>(
+        &self,
+        _batch: &Self::Batch,
+        _x: &[Vector3<Lanes>; N],
+        _load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; N]> {
+        None
+    }
 
     /// As [`Kernel::force`], and `factor` times their derivative by `at`, with `end` moving in
     /// proportion: blocks `[row node][column node]`, N/m.

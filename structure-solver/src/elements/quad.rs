@@ -278,6 +278,7 @@ impl<L: StepLaw> Quad<L> {
 
 impl<L: StepLaw> Kernel<4> for Quad<L> {
     type Element = Element<L::Start>;
+    type Batch = ();
     const RATE: bool = L::RATE;
     const VARIABLES: usize = POINTS * L::VARIABLES;
     const LOADED: bool = !L::ADDS;

@@ -6,9 +6,11 @@ use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
 use crate::flat::{Block, at};
+use crate::lanes::{LANES, Lanes, gather, lanes};
 use crate::materials::Regime;
 use crate::stream::Stream;
 use mesh::geometry::Vec3;
+use nalgebra::Vector3;
 
 struct Element<D, const N: usize> {
     stencil: Stencil<N>,
@@ -16,10 +18,19 @@ struct Element<D, const N: usize> {
     data: D,
 }
 
+/// Elements that are computed together.
+struct Batch<D, const N: usize> {
+    nodes: [[u32; LANES]; N],
+    faces: [u32; LANES],
+    data: D,
+}
+
 /// Elements of one kernel.
 pub struct Elements<K: Kernel<N>, const N: usize> {
     kernel: K,
     elements: Vec<Element<K::Element, N>>,
+    /// The first elements again, where the kernel takes several together.
+    batches: Vec<Batch<K::Batch, N>>,
     n_own: usize,
     /// Elements whose states are reported, one for each row; all in their order where `None`.
     rows: Option<Vec<u32>>,
@@ -47,9 +58,23 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         let elements =
             parts.map(|(nodes, face, data)| Element { stencil: Stencil::new(nodes), face, data }).collect();
         let (cables, sheets, accepted) = (Vec::new(), Vec::new(), Vec::new());
-        let mut all = Self { kernel, elements, n_own, rows, cables, sheets, accepted, dissipated: 0.0 };
+        let batches = Vec::new();
+        let mut all =
+            Self { kernel, elements, batches, n_own, rows, cables, sheets, accepted, dissipated: 0.0 };
+        all.batches = all.batched().unwrap_or_default();
         all.keep();
         all
+    }
+
+    /// Batches of the elements from the first on; `None` where the kernel takes each alone.
+    fn batched(&self) -> Option<Vec<Batch<K::Batch, N>>> {
+        let (groups, _) = self.elements.as_chunks::<LANES>();
+        let one = |group: &[Element<K::Element, N>; LANES]| {
+            let nodes = std::array::from_fn(|n| std::array::from_fn(|l| group[l].stencil.nodes[n]));
+            let data = self.kernel.batch(group.each_ref().map(|e| &e.data))?;
+            Some(Batch { nodes, faces: group.each_ref().map(|e| e.face), data })
+        };
+        groups.iter().map(one).collect()
     }
 
     /// With the places of its elements among the cables of the model.
@@ -85,6 +110,22 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         }
     }
 
+    /// As [`Elements::forces_with`] of all elements, several together where the kernel takes them, with nodes at `x` (m).
+    fn forces_at<const TRACTION: bool>(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        let (rows, _) = x.as_chunks::<3>();
+        let (sums, _) = out.as_chunks_mut::<3>();
+        for b in &self.batches {
+            let f = self.kernel.forces::<TRACTION>(&b.data, &b.gather(rows), &b.load::<K, TRACTION>(load));
+            if let Some(f) = f {
+                b.scatter(&f, sums);
+            }
+        }
+        for e in &self.elements[LANES * self.batches.len()..] {
+            let (step, load) = (Step::only(e.stencil.gather(x)), e.load::<K, TRACTION>(load));
+            e.stencil.scatter(&self.kernel.force::<TRACTION, false>(&e.data, &step, &load), out);
+        }
+    }
+
     fn tangent_with<const TRACTION: bool, const BLEND: bool>(
         &self,
         active: Option<&[bool]>,
@@ -110,6 +151,8 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         out: &mut [f64],
     ) {
         match (K::LOADED && !load.traction.is_empty(), K::RATE || configuration.weight != 1.0) {
+            (false, false) if active.is_none() => self.forces_at::<false>(configuration.at, load, out),
+            (true, false) if active.is_none() => self.forces_at::<true>(configuration.at, load, out),
             (false, false) => self.forces_with::<false, false>(active, configuration, load, out),
             (false, true) => self.forces_with::<false, true>(active, configuration, load, out),
             (true, false) => self.forces_with::<true, false>(active, configuration, load, out),
@@ -155,6 +198,49 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         match &self.rows {
             Some(rows) => rows.iter().filter_map(|&k| one(&self.elements[k as usize])).collect(),
             None => self.elements.iter().filter_map(one).collect(),
+        }
+    }
+}
+
+impl<D, const N: usize> Batch<D, N> {
+    #[inline(always)]
+    fn load<K: Kernel<N>, const TRACTION: bool>(&self, load: FaceLoad<'_>) -> Load<Lanes> {
+        let zero = Load { pressure: Lanes::ZERO, traction: Vector3::repeat(Lanes::ZERO) };
+        if !K::LOADED {
+            return zero;
+        }
+        let pressure = lanes(|l| load.pressure[self.faces[l] as usize]);
+        if TRACTION {
+            Load { pressure, traction: gather(load.traction.as_chunks().0, &self.faces) }
+        } else {
+            Load { pressure, ..zero }
+        }
+    }
+
+    /// Values of the nodes. Loops, because closures over arrays are not inlined here.
+    #[inline(always)]
+    fn gather(&self, rows: &[[f64; 3]]) -> [Vector3<Lanes>; N] {
+        let mut x = [Vector3::repeat(Lanes::ZERO); N];
+        for n in 0..N {
+            x[n] = gather(rows, &self.nodes[n]);
+        }
+        x
+    }
+
+    /// Adds a force of each node, element after element.
+    #[inline(always)]
+    fn scatter(&self, f: &[Vector3<Lanes>; N], sums: &mut [[f64; 3]]) {
+        let mut lanes = [[[0.0; LANES]; 3]; N];
+        for n in 0..N {
+            lanes[n] = [f[n][0].into_arr(), f[n][1].into_arr(), f[n][2].into_arr()];
+        }
+        for l in 0..LANES {
+            for n in 0..N {
+                let sum = &mut sums[self.nodes[n][l] as usize];
+                for c in 0..3 {
+                    sum[c] += lanes[n][c][l];
+                }
+            }
         }
     }
 }
@@ -380,5 +466,102 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
 
     fn tensions(&self, x: &[f64]) -> Vec<f64> {
         self.elements.iter().filter_map(|e| self.kernel.tension(&e.data, &e.stencil.gather(x))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use comm::Comm;
+    use mesh::StructureMesh;
+
+    use super::*;
+    use crate::materials::{
+        Elastic, Material, NeoHookean, NeoHookeanTensionField, OrthotropicTensionField, Prestressed,
+        StVenantKirchhoff, TensionField, Viscous,
+    };
+    use crate::model::Model;
+
+    /// A strip of bent faces, cut along alternate diagonals, and a last triangle: no multiple of a batch.
+    fn model() -> Model {
+        let n = 7;
+        let (mut mesh, nodes) = (StructureMesh::default(), 2 * (n + 1) + 1);
+        mesh.coords =
+            (0..nodes).map(|i| [f64::from(i / 2), f64::from(i % 2), 0.1 * f64::from(i % 3)]).collect();
+        mesh.n_canopy = nodes as usize;
+        for k in 0..n {
+            let face = [2 * k, 2 * k + 2, 2 * k + 3, 2 * k + 1];
+            let cut = if k % 2 == 0 { [[0, 1, 2], [0, 2, 3]] } else { [[1, 2, 3], [1, 3, 0]] };
+            mesh.triangles.extend(cut.map(|t: [usize; 3]| t.map(|c| face[c])));
+            mesh.triangle_face.extend([k; 2]);
+            mesh.faces.push(face);
+        }
+        mesh.faces.push([2 * n, 2 * n + 2, 2 * n + 1, 2 * n + 1]);
+        mesh.triangles.push([2 * n, 2 * n + 2, 2 * n + 1]);
+        mesh.triangle_face.push(n);
+        mesh.face_panel = vec![0; mesh.faces.len()];
+        Model::new(&Comm::solo(), &mesh, &vec![0; nodes as usize]).expect("a good mesh")
+    }
+
+    /// Forces of all elements, in batches and one after the other.
+    fn both(elements: &dyn ElementLoop, x: &[f64], load: FaceLoad<'_>) -> [Vec<f64>; 2] {
+        let [mut batched, mut single] = [vec![0.0; x.len()], vec![0.0; x.len()]];
+        elements.forces(Configuration::only(x), load, &mut batched);
+        elements.forces_near(&vec![true; x.len() / 3], Configuration::only(x), load, &mut single);
+        [batched, single]
+    }
+
+    fn same_digits(law: impl Material + Copy) {
+        let model = model();
+        let rest = &model.reference;
+        let noise = |i: usize, by: f64| by * (i as f64 * 12.9898).sin();
+        let moved = |[a, b]: [f64; 2], by: f64| -> Vec<f64> {
+            let stretch = [a, b, 1.0];
+            rest.iter().enumerate().map(|(i, x)| x * stretch[i % 3] + noise(i, by)).collect()
+        };
+        // At rest both principal strains are zero; then taut, wrinkled, slack, and each triangle for itself.
+        let shapes = [
+            rest.clone(),
+            moved([1.2, 1.1], 0.0),
+            moved([1.2, 0.7], 0.0),
+            moved([0.8, 0.7], 0.0),
+            moved([1.0; 2], 0.3),
+        ];
+        let pressure: Vec<f64> = (0..model.n_faces).map(|i| noise(i, 2.0)).collect();
+        let traction: Vec<f64> = (0..3 * model.n_faces).map(|i| noise(i, 0.7)).collect();
+        let elements = Elements::triangles(&model, Elastic(law), 0.1, 2.0);
+        assert_eq!(elements.batches.len(), 3);
+        let bent = Elements::bent_faces(&model, 0.1, 2.0);
+        assert_eq!(bent.batches.len(), 1);
+        for x in &shapes {
+            for traction in [&[][..], &traction] {
+                let load = FaceLoad { pressure: &pressure, traction };
+                for all in [&elements as &dyn ElementLoop, &bent] {
+                    let [batched, single] = both(all, x, load);
+                    assert_eq!(batched, single);
+                    assert!(batched.iter().any(|f| *f != 0.0) && batched.iter().all(|f| f.is_finite()));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn batches_have_the_digits_of_single_elements() {
+        let field = TensionField::new(7.0, 0.3);
+        let orthotropic = OrthotropicTensionField::new(7.0, 4.0, 0.3, 2.0);
+        same_digits(field);
+        same_digits(orthotropic);
+        same_digits(Prestressed::new(field, 0.4));
+        same_digits(Prestressed::new(orthotropic, 0.4));
+        same_digits(StVenantKirchhoff::orthotropic(7.0, 4.0, 0.3, 2.0));
+        same_digits(NeoHookean::new(7.0));
+        same_digits(NeoHookeanTensionField::new(7.0));
+    }
+
+    /// A stress that depends on the start of the step is not computed from the strain alone.
+    #[test]
+    fn laws_with_a_start_have_no_batches() {
+        let elements =
+            Elements::triangles(&model(), Viscous::new(TensionField::new(7.0, 0.3), 0.4), 0.1, 2.0);
+        assert!(elements.batches.is_empty());
     }
 }

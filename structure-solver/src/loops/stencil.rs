@@ -32,10 +32,14 @@ impl<const N: usize> Stencil<N> {
         self.nodes.iter().any(|&n| active[n as usize])
     }
 
-    /// Values of the nodes.
+    /// Values of the nodes. A loop, because closures over arrays are not inlined everywhere.
     #[inline(always)]
     pub(super) fn gather(&self, x: &[f64]) -> [Vec3; N] {
-        self.nodes.map(|n| at(x, n as usize))
+        let mut values = [Vec3::zeros(); N];
+        for n in 0..N {
+            values[n] = at(x, self.nodes[n] as usize);
+        }
+        values
     }
 
     /// Adds a force of each node.

@@ -18,6 +18,8 @@ mod viscous;
 #[cfg(test)]
 pub(crate) mod check;
 
+use crate::lanes::{Lanes, lane_by_lane};
+
 pub use hysteretic::Hysteretic;
 pub use neo_hookean::{NeoHookean, NeoHookeanTensionField};
 pub use orthotropic_field::OrthotropicTensionField;
@@ -49,6 +51,11 @@ pub enum Regime {
 pub trait Material: 'static {
     /// Stress for the Green strain `e`.
     fn stress(&self, e: Strain) -> Stress;
+    /// As [`Material::stress`] of the elements of a batch, the same digits. A law of one formula computes them together.
+    #[inline(always)]
+    fn stresses(&self, e: [Lanes; 3]) -> [Lanes; 3] {
+        lane_by_lane(e, |e| self.stress(e))
+    }
     /// Stress and its derivative.
     fn tangent(&self, e: Strain) -> (Stress, Moduli);
     /// Strain energy per volume, J/m3, where the strain is `e` and the stress `s`.

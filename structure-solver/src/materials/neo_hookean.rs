@@ -1,4 +1,5 @@
 use super::{Material, Moduli, Regime, Strain, Stress};
+use crate::lanes::{Lanes, Real};
 
 /// Incompressible neo-Hookean film in plane stress: rubber, latex, soft polymer films at large strain.
 ///
@@ -22,17 +23,31 @@ impl NeoHookean {
 
 /// Cofactors of C in the order 11, 22, 12, and its determinant.
 #[inline(always)]
-fn cofactors(e: &Strain) -> ([f64; 3], f64) {
-    let a = [1.0 + 2.0 * e[1], 1.0 + 2.0 * e[0], -e[2]];
+fn cofactors<T: Real>(e: &[T; 3]) -> ([T; 3], T) {
+    let [one, two] = [1.0, 2.0].map(T::splat);
+    let a = [one + two * e[1], one + two * e[0], -e[2]];
     (a, a[0] * a[1] - a[2] * a[2])
+}
+
+impl NeoHookean {
+    #[inline(always)]
+    fn stress_of<T: Real>(&self, e: [T; 3]) -> [T; 3] {
+        let (a, j) = cofactors(&e);
+        let mu = T::splat(self.mu);
+        let by = mu / (j * j);
+        [mu - by * a[0], mu - by * a[1], -by * a[2]]
+    }
 }
 
 impl Material for NeoHookean {
     #[inline(always)]
     fn stress(&self, e: Strain) -> Stress {
-        let (a, j) = cofactors(&e);
-        let by = self.mu / (j * j);
-        [self.mu - by * a[0], self.mu - by * a[1], -by * a[2]]
+        self.stress_of(e)
+    }
+
+    #[inline(always)]
+    fn stresses(&self, e: [Lanes; 3]) -> [Lanes; 3] {
+        self.stress_of(e)
     }
 
     #[inline(always)]

@@ -1,4 +1,5 @@
 use super::{Material, Moduli, Regime, Strain, Stress};
+use crate::lanes::{Lanes, Real};
 
 /// A law about a stress that is there without strain: the fabric was stretched before it was
 /// measured. $`S(E) = S_0(E + E_0)`$, $`W(E) = W_0(E + E_0)`$ with the strain $`E_0`$ that the
@@ -20,8 +21,8 @@ impl<M: Material> Prestressed<M> {
     }
 
     #[inline(always)]
-    fn whole(&self, e: &Strain) -> Strain {
-        std::array::from_fn(|i| e[i] + self.offset[i])
+    fn whole<T: Real>(&self, e: &[T; 3]) -> [T; 3] {
+        std::array::from_fn(|i| e[i] + T::splat(self.offset[i]))
     }
 }
 
@@ -29,6 +30,11 @@ impl<M: Material> Material for Prestressed<M> {
     #[inline(always)]
     fn stress(&self, e: Strain) -> Stress {
         self.law.stress(self.whole(&e))
+    }
+
+    #[inline(always)]
+    fn stresses(&self, e: [Lanes; 3]) -> [Lanes; 3] {
+        self.law.stresses(self.whole(&e))
     }
 
     #[inline(always)]

@@ -3,6 +3,7 @@
 
 use super::{Material, Moduli, Strain, Stress};
 use crate::elements::Sheet;
+use crate::lanes::{Lanes, lane_by_lane};
 
 /// Stress of a sheet over a step. `BLEND`: the step has a start; otherwise the weight is 1 and
 /// the strain that of `end` alone. Laws with a [`StepLaw::RATE`] always see `BLEND`.
@@ -16,6 +17,9 @@ pub trait StepLaw: 'static {
     /// Number of internal variables, by which the stress depends on earlier steps. They are part of the state at the start.
     const VARIABLES: usize = 0;
 
+    /// Whether the stress of a step without a start is that of the strain at its end alone.
+    const OF_STRAIN: bool = false;
+
     /// State at strain `e`.
     fn start(&self, e: Strain) -> Self::Start;
     /// Makes `start` the state at strain `e`, without a change of its internal variables.
@@ -24,6 +28,11 @@ pub trait StepLaw: 'static {
     }
     /// Stress of a step from `start` to strain `end` of weight `w`.
     fn stress<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> Stress;
+    /// As [`StepLaw::stress`] of the elements of a batch in a step without a start; of laws [`StepLaw::OF_STRAIN`].
+    #[inline(always)]
+    fn stresses(&self, end: [Lanes; 3]) -> [Lanes; 3] {
+        lane_by_lane(end, |end| self.stress::<false>(&self.start(end), end, 1.0))
+    }
     /// As [`StepLaw::stress`], with its derivative by `end` divided by `w`.
     fn tangent<const BLEND: bool>(&self, start: &Self::Start, end: Strain, w: f64) -> (Stress, Moduli);
     /// Strain energy per volume at strain `e` in a step from `start`, J/m3.
@@ -63,9 +72,15 @@ pub struct Elastic<M>(pub M);
 
 impl<M: Material> StepLaw for Elastic<M> {
     type Start = StepStart;
+    const OF_STRAIN: bool = true;
 
     fn start(&self, e: Strain) -> StepStart {
         StepStart::new(&self.0, e)
+    }
+
+    #[inline(always)]
+    fn stresses(&self, end: [Lanes; 3]) -> [Lanes; 3] {
+        self.0.stresses(end)
     }
 
     #[inline(always)]

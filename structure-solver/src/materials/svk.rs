@@ -1,4 +1,5 @@
 use super::{Material, Moduli, Strain, Stress};
+use crate::lanes::{Lanes, Real};
 
 /// St. Venant-Kirchhoff: $`S = C:E`$ with constant moduli.
 #[derive(Clone, Copy, Debug)]
@@ -23,11 +24,23 @@ impl StVenantKirchhoff {
     }
 }
 
+impl StVenantKirchhoff {
+    #[inline(always)]
+    pub(super) fn stress_of<T: Real>(&self, e: [T; 3]) -> [T; 3] {
+        let c = self.moduli.map(|row| row.map(T::splat));
+        [c[0][0] * e[0] + c[0][1] * e[1], c[1][0] * e[0] + c[1][1] * e[1], c[2][2] * e[2]]
+    }
+}
+
 impl Material for StVenantKirchhoff {
     #[inline(always)]
     fn stress(&self, e: Strain) -> Stress {
-        let c = &self.moduli;
-        [c[0][0] * e[0] + c[0][1] * e[1], c[1][0] * e[0] + c[1][1] * e[1], c[2][2] * e[2]]
+        self.stress_of(e)
+    }
+
+    #[inline(always)]
+    fn stresses(&self, e: [Lanes; 3]) -> [Lanes; 3] {
+        self.stress_of(e)
     }
 
     #[inline(always)]

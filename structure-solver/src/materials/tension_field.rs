@@ -1,4 +1,5 @@
 use super::{Material, Moduli, Regime, StVenantKirchhoff, Strain, Stress};
+use crate::lanes::{Lanes, Real};
 
 /// Tension field of an isotropic St. Venant-Kirchhoff sheet (Lu, Accorsi and
 /// Leonard, Int. J. Numer. Meth. Eng. 50, 2001, 1017-1038).
@@ -25,19 +26,20 @@ pub struct TensionField {
 }
 
 /// Principal strains with the cosine and sine of twice the angle of the first.
-struct Principal {
-    e1: f64,
-    e2: f64,
-    cos2: f64,
-    sin2: f64,
+struct Principal<T = f64> {
+    e1: T,
+    e2: T,
+    cos2: T,
+    sin2: T,
 }
 
 #[inline(always)]
-fn principal(e: Strain) -> Principal {
-    let (m, d, s) = (0.5 * (e[0] + e[1]), 0.5 * (e[0] - e[1]), 0.5 * e[2]);
-    let r = (d * d + s * s).sqrt();
+fn principal<T: Real>(e: [T; 3]) -> Principal<T> {
+    let [zero, half, one] = [0.0, 0.5, 1.0].map(T::splat);
+    let (m, d, s) = (half * (e[0] + e[1]), half * (e[0] - e[1]), half * e[2]);
+    let r = (d * d + s * s).simd_sqrt();
     // Equal principal strains are taut or slack: the direction is not used.
-    let inverse = if r > 0.0 { 1.0 / r } else { 0.0 };
+    let inverse = (one / r).select(r.simd_gt(zero), zero);
     Principal { e1: m + r, e2: m - r, cos2: d * inverse, sin2: s * inverse }
 }
 
@@ -63,9 +65,21 @@ impl TensionField {
     }
 
     #[inline(always)]
-    fn uniaxial(&self, p: &Principal) -> Stress {
-        let s = 0.5 * self.youngs_modulus * p.e1;
-        [s * (1.0 + p.cos2), s * (1.0 - p.cos2), s * p.sin2]
+    fn uniaxial<T: Real>(&self, p: &Principal<T>) -> [T; 3] {
+        let one = T::splat(1.0);
+        let s = T::splat(0.5 * self.youngs_modulus) * p.e1;
+        [s * (one + p.cos2), s * (one - p.cos2), s * p.sin2]
+    }
+
+    /// Stress of each lane in its own state: both stresses are computed and one is taken.
+    #[inline(always)]
+    fn selected<T: Real>(&self, e: [T; 3]) -> [T; 3] {
+        let p = principal(e);
+        let zero = T::splat(0.0);
+        let slack = p.e1.simd_le(zero);
+        let is_taut = (p.e2 + T::splat(self.poisson_ratio) * p.e1).simd_ge(zero);
+        let (taut, wrinkled) = (self.taut.stress_of(e), self.uniaxial(&p));
+        std::array::from_fn(|i| zero.select(slack, taut[i].select(is_taut, wrinkled[i])))
     }
 }
 
@@ -78,6 +92,11 @@ impl Material for TensionField {
             Regime::Wrinkled => self.uniaxial(&p),
             Regime::Slack => [0.0; 3],
         }
+    }
+
+    #[inline(always)]
+    fn stresses(&self, e: [Lanes; 3]) -> [Lanes; 3] {
+        self.selected(e)
     }
 
     #[inline(always)]
