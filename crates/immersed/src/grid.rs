@@ -199,7 +199,8 @@ impl Grid {
         planes: &Range<isize>,
     ) {
         let (n, s) = (self.axes[d].len() as isize, self.strides[d]);
-        let [a, b] = [(d + 1) % 3, (d + 2) % 3];
+        // The inner loop is along the axis with the smaller stride.
+        let [a, b] = [[1, 2], [0, 2], [0, 1]][d];
         let g = GHOSTS as isize;
         let extent = |axis: usize| match axis {
             2 => (planes.start + g) as usize..(planes.end + g) as usize,
@@ -209,7 +210,8 @@ impl Grid {
             for p in extent(a) {
                 let base = p * self.strides[a] + q * self.strides[b];
                 let at = |i: isize| base + (i + g) as usize * s;
-                let plane = (if a == 2 { p } else { q }) as isize - g;
+                // Along z unless `d` is.
+                let plane = q as isize - g;
                 let far = |i: isize| far.at(c, if d == 2 { i } else { plane });
                 match self.ends[d] {
                     Ends::Periodic => {

@@ -80,6 +80,16 @@ impl Kernel<4> for BentFace {
         load::bend_force(load.pressure, x)
     }
 
+    #[inline(always)]
+    fn externals<const TRACTION: bool>(
+        &self,
+        _batch: &(),
+        x: &[Vector3<Lanes>; 4],
+        load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; 4]> {
+        Some(load::bend_force(load.pressure, x))
+    }
+
     fn mass(&self, e: &Face) -> Option<f64> {
         Some(e.mass)
     }

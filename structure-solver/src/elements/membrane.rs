@@ -322,6 +322,16 @@ impl<L: StepLaw> Kernel<3> for Triangle<L> {
         [share::<f64, TRACTION>(load, x); 3]
     }
 
+    #[inline(always)]
+    fn externals<const TRACTION: bool>(
+        &self,
+        _batch: &Batch,
+        x: &[Vector3<Lanes>; 3],
+        load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; 3]> {
+        Some([share::<Lanes, TRACTION>(load, x); 3])
+    }
+
     fn energy(&self, e: &Self::Element, x: &[Vec3; 3]) -> f64 {
         e.volume * self.law.energy(&e.start, deformation(&e.gradient, x).strain)
     }

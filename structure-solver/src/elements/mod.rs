@@ -103,7 +103,7 @@ pub trait Kernel<const N: usize>: 'static {
         load: &Load,
     ) -> [Vec3; N];
 
-    /// Some elements together, for [`Kernel::forces`]; `None`: the kernel takes each alone.
+    /// Some elements together, for [`Kernel::forces`] and [`Kernel::externals`]; `None`: the kernel takes each alone.
     fn batch(&self, _e: [&Self::Element; LANES]) -> Option<Self::Batch> {
         None
     }
@@ -132,6 +132,17 @@ pub trait Kernel<const N: usize>: 'static {
     /// External nodal forces alone, N; of [`Kernel::LOADED`] kernels.
     fn external<const TRACTION: bool>(&self, _e: &Self::Element, _x: &[Vec3; N], _load: &Load) -> [Vec3; N] {
         [Vec3::zeros(); N]
+    }
+
+    /// As [`Kernel::external`] of all elements of a batch: the same digits.
+    #[inline(always)]
+    fn externals<const TRACTION: bool>(
+        &self,
+        _batch: &Self::Batch,
+        _x: &[Vector3<Lanes>; N],
+        _load: &Load<Lanes>,
+    ) -> Option<[Vector3<Lanes>; N]> {
+        None
     }
 
     /// Strain energy, J.

@@ -126,6 +126,22 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
         }
     }
 
+    /// As [`Elements::forces_at`], external forces alone.
+    fn external_at<const TRACTION: bool>(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
+        let (rows, _) = x.as_chunks::<3>();
+        let (sums, _) = out.as_chunks_mut::<3>();
+        for b in &self.batches {
+            let f = self.kernel.externals::<TRACTION>(&b.data, &b.gather(rows), &b.load::<K, TRACTION>(load));
+            if let Some(f) = f {
+                b.scatter(&f, sums);
+            }
+        }
+        for e in &self.elements[LANES * self.batches.len()..] {
+            let (x, load) = (e.stencil.gather(x), e.load::<K, TRACTION>(load));
+            e.stencil.scatter(&self.kernel.external::<TRACTION>(&e.data, &x, &load), out);
+        }
+    }
+
     fn tangent_with<const TRACTION: bool, const BLEND: bool>(
         &self,
         active: Option<&[bool]>,
@@ -408,14 +424,10 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn external(&self, x: &[f64], load: FaceLoad<'_>, out: &mut [f64]) {
-        for e in self.elements.iter().filter(|_| K::LOADED) {
-            let p = e.stencil.gather(x);
-            let f = if load.traction.is_empty() {
-                self.kernel.external::<false>(&e.data, &p, &e.load::<K, false>(load))
-            } else {
-                self.kernel.external::<true>(&e.data, &p, &e.load::<K, true>(load))
-            };
-            e.stencil.scatter(&f, out);
+        match (K::LOADED, load.traction.is_empty()) {
+            (false, _) => {}
+            (true, true) => self.external_at::<false>(x, load, out),
+            (true, false) => self.external_at::<true>(x, load, out),
         }
     }
 
@@ -502,12 +514,16 @@ mod tests {
         Model::new(&Comm::solo(), &mesh, &vec![0; nodes as usize]).expect("a good mesh")
     }
 
-    /// Forces of all elements, in batches and one after the other.
-    fn both(elements: &dyn ElementLoop, x: &[f64], load: FaceLoad<'_>) -> [Vec<f64>; 2] {
-        let [mut batched, mut single] = [vec![0.0; x.len()], vec![0.0; x.len()]];
-        elements.forces(Configuration::only(x), load, &mut batched);
-        elements.forces_near(&vec![true; x.len() / 3], Configuration::only(x), load, &mut single);
-        [batched, single]
+    /// Forces, and external forces alone, of triangles and of bent faces with nodes at `x`.
+    fn forces_of(all: [&dyn ElementLoop; 2], x: &[f64], load: FaceLoad<'_>) -> Vec<Vec<f64>> {
+        let mut found = Vec::new();
+        for elements in all {
+            let mut out = [vec![0.0; x.len()], vec![0.0; x.len()]];
+            elements.forces(Configuration::only(x), load, &mut out[0]);
+            elements.external(x, load, &mut out[1]);
+            found.extend(out);
+        }
+        found
     }
 
     fn same_digits(law: impl Material + Copy) {
@@ -528,18 +544,18 @@ mod tests {
         ];
         let pressure: Vec<f64> = (0..model.n_faces).map(|i| noise(i, 2.0)).collect();
         let traction: Vec<f64> = (0..3 * model.n_faces).map(|i| noise(i, 0.7)).collect();
-        let elements = Elements::triangles(&model, Elastic(law), 0.1, 2.0);
-        assert_eq!(elements.batches.len(), 3);
-        let bent = Elements::bent_faces(&model, 0.1, 2.0);
-        assert_eq!(bent.batches.len(), 1);
+        let triangles = || Elements::triangles(&model, Elastic(law), 0.1, 2.0);
+        let bent_faces = || Elements::bent_faces(&model, 0.1, 2.0);
+        let (mut triangle, mut bent_face) = (triangles(), bent_faces());
+        assert_eq!([triangle.batches.len(), bent_face.batches.len()], [3, 1]);
+        (triangle.batches, bent_face.batches) = (Vec::new(), Vec::new());
         for x in &shapes {
             for traction in [&[][..], &traction] {
                 let load = FaceLoad { pressure: &pressure, traction };
-                for all in [&elements as &dyn ElementLoop, &bent] {
-                    let [batched, single] = both(all, x, load);
-                    assert_eq!(batched, single);
-                    assert!(batched.iter().any(|f| *f != 0.0) && batched.iter().all(|f| f.is_finite()));
-                }
+                let together = forces_of([&triangles(), &bent_faces()], x, load);
+                assert_eq!(together, forces_of([&triangle, &bent_face], x, load));
+                assert!(together.iter().all(|f| f.iter().any(|f| *f != 0.0)));
+                assert!(together.iter().flatten().all(|f| f.is_finite()));
             }
         }
     }
