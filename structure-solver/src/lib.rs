@@ -18,7 +18,6 @@ pub mod equilibrium;
 pub mod explicit;
 pub mod failure_site;
 pub mod flat;
-pub mod lanes;
 pub mod linear;
 pub mod loops;
 pub mod materials;

@@ -9,6 +9,7 @@ mod error;
 mod faces;
 pub mod geometry;
 mod grid;
+pub mod lanes;
 mod msh;
 mod partition;
 mod periodic;

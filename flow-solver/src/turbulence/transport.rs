@@ -97,6 +97,8 @@ pub struct SpalartAllmaras {
     pub wall: Vec<f64>,
     /// Largest extent of owned cells, m.
     delta: Vec<f64>,
+    /// Wall triangles that were nearest to owned cells last: where the search begins.
+    nearest_wall: Vec<u32>,
     /// Node positions at which `wall` was computed.
     walls_at: Vec<Vec3>,
     /// Extra length scale and vorticity of the step.
@@ -128,6 +130,7 @@ impl SpalartAllmaras {
             gradient: vec![[[0.0]; 3]; all],
             wall: Vec::new(),
             delta: vec![0.0; n],
+            nearest_wall: vec![0; n],
             walls_at: Vec::new(),
             scale: vec![0.0; n],
             vorticity: vec![0.0; n],
@@ -179,11 +182,10 @@ impl SpalartAllmaras {
             return;
         }
         let walls = Walls::gather(comm, on.topology, nodes);
-        // Cell and wall have moved: no farther than this from where the distance is known.
-        let farther = 2.0 * comm.max(moved);
         self.wall.resize(on.topology.n_owned, FAR);
-        for (d, x) in self.wall.iter_mut().zip(&on.metrics.centre) {
-            *d = walls.distance(Vec3::from(*x), *d + farther).min(FAR);
+        for ((d, place), x) in self.wall.iter_mut().zip(&mut self.nearest_wall).zip(&on.metrics.centre) {
+            (*d, *place) = walls.nearest(Vec3::from(*x), *place);
+            *d = d.min(FAR);
         }
         self.walls_at = nodes.to_vec();
         self.delta.fill(0.0);

@@ -1,26 +1,42 @@
 //! Distance of points to the walls: exact, to the triangles that walls are made of.
 
 use comm::Comm;
+use mesh::lanes::{LANES, Lanes, Real, lanes};
+use nalgebra::{SimdPartialOrd, Vector3};
 
 use crate::geometry::face;
 use crate::geometry::vec3::Vec3;
 use crate::topology::Topology;
 
-/// Triangles a leaf holds at most.
-const LEAF: usize = 4;
+/// Boxes and triangles that wait in a search; a tree of 4^20 leaves would still fit.
+const WAITING: usize = 64;
 
-/// A tree of boxes around triangles.
+/// A tree of boxes around triangles, four boxes or triangles at a time.
 pub struct Walls {
     triangles: Vec<[Vec3; 3]>,
     nodes: Vec<Node>,
+    leaves: Vec<Leaf>,
+    root: Option<Child>,
 }
 
+/// Four triangles, the last one repeated where there are fewer.
+struct Leaf {
+    corners: [Vector3<Lanes>; 3],
+    /// Their places in the list that the tree was made of.
+    places: [u32; LANES],
+}
+
+/// Boxes of four children.
 struct Node {
-    low: Vec3,
-    high: Vec3,
-    /// Leaf: its triangles. Otherwise empty, and the children are the next node and `right`.
-    range: std::ops::Range<usize>,
-    right: usize,
+    low: Vector3<Lanes>,
+    high: Vector3<Lanes>,
+    children: [Child; LANES],
+}
+
+#[derive(Clone, Copy)]
+enum Child {
+    Node(u32),
+    Leaf(u32),
 }
 
 impl Walls {
@@ -52,98 +68,132 @@ impl Walls {
     }
 
     /// A tree over `triangles`.
-    pub fn new(mut triangles: Vec<[Vec3; 3]>) -> Self {
-        let mut nodes = Vec::new();
-        if !triangles.is_empty() {
-            let all = 0..triangles.len();
-            grow(&mut triangles, all, &mut nodes);
-        }
-        Self { triangles, nodes }
+    pub fn new(triangles: Vec<[Vec3; 3]>) -> Self {
+        let mut places: Vec<u32> = (0..triangles.len() as u32).collect();
+        let mut walls = Self { triangles, nodes: Vec::new(), leaves: Vec::new(), root: None };
+        walls.root = (!places.is_empty()).then(|| walls.grow(&mut places));
+        walls
     }
 
-    /// Distance of `x` to the nearest wall, m; infinity where there is none. A wall farther than
-    /// `bound` may be overlooked.
-    pub fn distance(&self, x: Vec3, bound: f64) -> f64 {
-        let mut best = if bound.is_finite() { bound * bound } else { f64::INFINITY };
-        let mut stack = [0usize; 64];
-        let mut top = usize::from(!self.nodes.is_empty());
-        while top > 0 {
-            top -= 1;
-            let at = stack[top];
-            let node = &self.nodes[at];
-            if node.outside(x) >= best {
+    /// Adds the triangles at `places`, halved twice by the middle one along the longest side.
+    fn grow(&mut self, places: &mut [u32]) -> Child {
+        if places.len() <= LANES {
+            let places = std::array::from_fn(|l| places[l.min(places.len() - 1)]);
+            let of = |k: usize, d: usize| lanes(|l| self.triangles[places[l] as usize][k][d]);
+            let corners = [0, 1, 2].map(|k| Vector3::new(of(k, 0), of(k, 1), of(k, 2)));
+            self.leaves.push(Leaf { corners, places });
+            return Child::Leaf(self.leaves.len() as u32 - 1);
+        }
+        let (left, right) = self.halves(places);
+        let [(a, b), (c, d)] = [self.halves(left), self.halves(right)];
+        // Each of at least one: there are five triangles or more.
+        let parts = [a, b, c, d];
+        let boxes = parts.each_ref().map(|part| self.bounds(part));
+        let of = |end: usize, d: usize| lanes(|l| boxes[l][end][d]);
+        let [low, high] = [0, 1].map(|end| Vector3::new(of(end, 0), of(end, 1), of(end, 2)));
+        let at = self.nodes.len();
+        self.nodes.push(Node { low, high, children: [Child::Leaf(0); LANES] });
+        self.nodes[at].children = parts.map(|part| self.grow(part));
+        Child::Node(at as u32)
+    }
+
+    /// Low and high corner of the box around the triangles at `places`.
+    fn bounds(&self, places: &[u32]) -> [Vec3; 2] {
+        let none = [Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY)];
+        let points = places.iter().flat_map(|&t| &self.triangles[t as usize]);
+        points.fold(none, |[low, high], p| [low.inf(p), high.sup(p)])
+    }
+
+    /// Both halves of `places`, parted by the middle triangle along the longest side.
+    fn halves<'p>(&self, places: &'p mut [u32]) -> (&'p mut [u32], &'p mut [u32]) {
+        let half = places.len() / 2;
+        let [low, high] = self.bounds(places);
+        let side = (high - low).imax();
+        let key = |t: &u32| self.triangles[*t as usize].iter().map(|p| p[side]).sum::<f64>();
+        places.select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
+        places.split_at_mut(half)
+    }
+
+    /// Distance of `x` to the nearest wall, m, and the place of its triangle; infinity where there is none. The search is
+    /// shorter where the triangle at `guess` is near.
+    pub fn nearest(&self, x: Vec3, guess: u32) -> (f64, u32) {
+        let first = self.triangles.get(guess as usize);
+        let mut best = first.map_or(f64::INFINITY, |t| squared(x, t));
+        let mut place = guess;
+        let Some(root) = self.root else { return (f64::INFINITY, guess) };
+        let x = x.map(|x| lanes(|_| x));
+        let mut waiting = [(0.0, root); WAITING];
+        let mut count = 1;
+        while count > 0 {
+            count -= 1;
+            let (outside, child) = waiting[count];
+            if outside >= best {
                 continue;
             }
-            for t in &self.triangles[node.range.clone()] {
-                best = best.min(squared(x, t));
-            }
-            if node.range.is_empty() {
-                let (a, b) = (at + 1, node.right);
-                let near = self.nodes[a].outside(x) < self.nodes[b].outside(x);
-                stack[top] = if near { b } else { a };
-                stack[top + 1] = if near { a } else { b };
-                top += 2;
+            match child {
+                Child::Leaf(leaf) => {
+                    let leaf = &self.leaves[leaf as usize];
+                    for (found, at) in squared(x, &leaf.corners).into_arr().into_iter().zip(leaf.places) {
+                        if found < best {
+                            (best, place) = (found, at);
+                        }
+                    }
+                }
+                Child::Node(node) => {
+                    let node = &self.nodes[node as usize];
+                    let start = count;
+                    for (outside, child) in node.outside(x).into_arr().into_iter().zip(node.children) {
+                        if outside < best {
+                            // The nearest last, to be taken first.
+                            let mut k = count;
+                            while k > start && waiting[k - 1].0 < outside {
+                                waiting[k] = waiting[k - 1];
+                                k -= 1;
+                            }
+                            waiting[k] = (outside, child);
+                            count += 1;
+                        }
+                    }
+                }
             }
         }
-        best.sqrt()
+        (best.sqrt(), place)
     }
 }
 
 impl Node {
-    /// Squared distance of `x` to the box.
-    fn outside(&self, x: Vec3) -> f64 {
-        (0..3).map(|d| (self.low[d] - x[d]).max(x[d] - self.high[d]).max(0.0).powi(2)).sum()
+    /// Squared distances of a point to the boxes.
+    #[inline(always)]
+    fn outside(&self, x: Vector3<Lanes>) -> Lanes {
+        let side = |d: usize| (self.low[d] - x[d]).simd_max(x[d] - self.high[d]).simd_max(Lanes::ZERO);
+        let [a, b, c] = [side(0), side(1), side(2)];
+        a * a + b * b + c * c
     }
-}
-
-/// Adds the nodes of a range of triangles, halved by the middle one along the longest side; a tree
-/// of 2^60 leaves would still fit the stack of a search.
-fn grow(all: &mut [[Vec3; 3]], range: std::ops::Range<usize>, nodes: &mut Vec<Node>) -> usize {
-    let (mut low, mut high) = (Vec3::repeat(f64::INFINITY), Vec3::repeat(f64::NEG_INFINITY));
-    for p in all[range.clone()].as_flattened() {
-        for d in 0..3 {
-            low[d] = low[d].min(p[d]);
-            high[d] = high[d].max(p[d]);
-        }
-    }
-    let at = nodes.len();
-    let leaf = range.len() <= LEAF;
-    nodes.push(Node { low, high, range: if leaf { range.clone() } else { 0..0 }, right: 0 });
-    if !leaf {
-        let side = (0..3).max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b]))).unwrap_or(0);
-        let half = range.len() / 2;
-        let key = |t: &[Vec3; 3]| t[0][side] + t[1][side] + t[2][side];
-        all[range.clone()].select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
-        let middle = range.start + half;
-        grow(all, range.start..middle, nodes);
-        nodes[at].right = grow(all, middle..range.end, nodes);
-    }
-    at
 }
 
 /// Squared distance of a point to a triangle (Ericson, Real-Time Collision Detection, 5.1.5: by the
 /// region of the plane that the point lies over).
-fn squared(x: Vec3, &[a, b, c]: &[Vec3; 3]) -> f64 {
+#[inline(always)]
+fn squared<T: Real>(x: Vector3<T>, &[a, b, c]: &[Vector3<T>; 3]) -> T {
+    let [zero, one] = [0.0, 1.0].map(T::splat);
     let (ab, ac) = (b - a, c - a);
     let n = ab.cross(&ac);
-    let area2 = n.norm_squared();
-    let to = |p: Vec3, q: Vec3| {
+    let area2 = n.dot(&n);
+    let to = |p: Vector3<T>, q: Vector3<T>| {
         // To the segment from p to q.
         let (e, d) = (q - p, x - p);
-        let length = e.norm_squared();
-        let s = if length > 0.0 { (d.dot(&e) / length).clamp(0.0, 1.0) } else { 0.0 };
-        (d - e * s).norm_squared()
+        let length = e.dot(&e);
+        let s = (d.dot(&e) / length).simd_clamp(zero, one).select(length.simd_gt(zero), zero);
+        let rest = d - e * s;
+        rest.dot(&rest)
     };
-    if area2 > 0.0 {
-        let d = x - a;
-        let v = d.cross(&ac).dot(&n);
-        let w = ab.cross(&d).dot(&n);
-        if v >= 0.0 && w >= 0.0 && v + w <= area2 {
-            let height = d.dot(&n);
-            return height * height / area2;
-        }
-    }
-    to(a, b).min(to(b, c)).min(to(c, a))
+    let d = x - a;
+    let v = d.cross(&ac).dot(&n);
+    let w = ab.cross(&d).dot(&n);
+    let height = d.dot(&n);
+    let edges = to(a, b).simd_min(to(b, c)).simd_min(to(c, a));
+    let over = area2.simd_gt(zero) & v.simd_ge(zero) & w.simd_ge(zero) & (v + w).simd_le(area2);
+    (height * height / area2).select(over, edges)
 }
 
 #[cfg(test)]
@@ -160,7 +210,7 @@ mod tests {
             ([2.0, 2.0, 1.0], 3.0),
             ([5.0, 0.0, 0.0], 9.0),
         ] {
-            assert!((squared(x.into(), &t) - d2).abs() < 1e-14, "{x:?}");
+            assert!((squared(Vec3::from(x), &t) - d2).abs() < 1e-14, "{x:?}");
         }
     }
 
@@ -182,8 +232,12 @@ mod tests {
         for _ in 0..200 {
             let x = point();
             let all = triangles.iter().map(|t| squared(x, t)).fold(f64::INFINITY, f64::min);
-            assert_eq!(walls.distance(x, f64::INFINITY), all.sqrt());
+            // Whatever the guess.
+            for guess in [0, 77, u32::MAX] {
+                let (distance, place) = walls.nearest(x, guess);
+                assert_eq!((distance, squared(x, &triangles[place as usize])), (all.sqrt(), all));
+            }
         }
-        assert_eq!(Walls::new(Vec::new()).distance(Vec3::zeros(), f64::INFINITY), f64::INFINITY);
+        assert_eq!(Walls::new(Vec::new()).nearest(Vec3::zeros(), 0).0, f64::INFINITY);
     }
 }

@@ -7,8 +7,8 @@
 
 use super::mass::{self, MassMatrix};
 use super::{Kernel, Load, Step, load};
-use crate::lanes::{LANES, Lanes};
 use mesh::geometry::{Mat3, Vec3};
+use mesh::lanes::{LANES, Lanes};
 use nalgebra::Vector3;
 
 /// The two triangles of a face, and those of the other cut.

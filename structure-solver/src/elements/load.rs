@@ -1,7 +1,7 @@
 //! Loads on the deformed triangle: follower pressure and traction; pressure on a bent face.
 
-use crate::lanes::Real;
 use mesh::geometry::{Mat3, Vec3};
+use mesh::lanes::Real;
 use nalgebra::Vector3;
 
 /// Area vector of a triangle (m2): its normal by the right-hand rule times its area.

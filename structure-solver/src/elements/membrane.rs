@@ -7,9 +7,9 @@
 //! Strains and stresses are in Voigt order: 11, 22, 12 with $`\gamma = 2E_{12}`$.
 
 use super::{Kernel, Load, Sheet, Step, load};
-use crate::lanes::{LANES, Lanes, Real, lanes};
 use crate::materials::StepLaw;
 use mesh::geometry::{Mat3, Vec3};
+use mesh::lanes::{LANES, Lanes, Real, lanes};
 use nalgebra::Vector3;
 
 /// What a membrane element keeps of its reference state.

@@ -20,11 +20,11 @@ pub(crate) mod check;
 #[cfg(test)]
 mod step_tests;
 
-use crate::lanes::{LANES, Lanes};
 use crate::materials::{Regime, Strain, Stress};
 use crate::stream::Stream;
 use mass::MassMatrix;
 use mesh::geometry::{Mat3, Vec3};
+use mesh::lanes::{LANES, Lanes};
 use nalgebra::Vector3;
 
 /// Positions of an element's nodes in a step, m; see [`crate::loops::Configuration`].

@@ -6,10 +6,10 @@ use crate::elements::mass::MassMatrix;
 use crate::elements::{Kernel, Load, Sheet, Step};
 use crate::failure_site::principal;
 use crate::flat::{Block, at};
-use crate::lanes::{LANES, Lanes, gather, lanes};
 use crate::materials::Regime;
 use crate::stream::Stream;
 use mesh::geometry::Vec3;
+use mesh::lanes::{LANES, Lanes, gather, lanes};
 use nalgebra::Vector3;
 
 struct Element<D, const N: usize> {

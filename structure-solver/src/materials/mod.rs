@@ -18,7 +18,7 @@ mod viscous;
 #[cfg(test)]
 pub(crate) mod check;
 
-use crate::lanes::{Lanes, lane_by_lane};
+use mesh::lanes::{Lanes, lane_by_lane};
 
 pub use hysteretic::Hysteretic;
 pub use neo_hookean::{NeoHookean, NeoHookeanTensionField};

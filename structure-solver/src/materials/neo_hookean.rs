@@ -1,5 +1,5 @@
 use super::{Material, Moduli, Regime, Strain, Stress};
-use crate::lanes::{Lanes, Real};
+use mesh::lanes::{Lanes, Real};
 
 /// Incompressible neo-Hookean film in plane stress: rubber, latex, soft polymer films at large strain.
 ///

@@ -1,5 +1,5 @@
 use super::{Material, Moduli, Regime, Strain, Stress};
-use crate::lanes::{Lanes, Real};
+use mesh::lanes::{Lanes, Real};
 
 /// A law about a stress that is there without strain: the fabric was stretched before it was
 /// measured. $`S(E) = S_0(E + E_0)`$, $`W(E) = W_0(E + E_0)`$ with the strain $`E_0`$ that the

@@ -3,7 +3,7 @@
 
 use super::{Material, Moduli, Strain, Stress};
 use crate::elements::Sheet;
-use crate::lanes::{Lanes, lane_by_lane};
+use mesh::lanes::{Lanes, lane_by_lane};
 
 /// Stress of a sheet over a step. `BLEND`: the step has a start; otherwise the weight is 1 and
 /// the strain that of `end` alone. Laws with a [`StepLaw::RATE`] always see `BLEND`.

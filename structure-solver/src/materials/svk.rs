@@ -1,5 +1,5 @@
 use super::{Material, Moduli, Strain, Stress};
-use crate::lanes::{Lanes, Real};
+use mesh::lanes::{Lanes, Real};
 
 /// St. Venant-Kirchhoff: $`S = C:E`$ with constant moduli.
 #[derive(Clone, Copy, Debug)]

@@ -1,5 +1,5 @@
 use super::{Material, Moduli, Regime, StVenantKirchhoff, Strain, Stress};
-use crate::lanes::{Lanes, Real};
+use mesh::lanes::{Lanes, Real};
 
 /// Tension field of an isotropic St. Venant-Kirchhoff sheet (Lu, Accorsi and
 /// Leonard, Int. J. Numer. Meth. Eng. 50, 2001, 1017-1038).
