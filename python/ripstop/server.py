@@ -284,8 +284,9 @@ class RankServer:
                 self.open, self.last = None, w.index
                 accepted += 1
                 command.drop()
+                start = time.monotonic()
                 self.guarded(lambda: self.participant.accept(w))
-                self.done()
+                self.done(time.monotonic() - start)
             elif kind in (Kind.SAVE, Kind.SNAPSHOT):
                 folder = Path(self.text(command))
                 if kind == Kind.SAVE:
@@ -471,9 +472,11 @@ class RankServer:
         message.drop()
         return text
 
-    def done(self):
-        """Answers the last command."""
-        self.answer(self.answers.send(self.member.header(Kind.DONE, self.sequence, self.step[1])))
+    def done(self, busy_s=0.0):
+        """Answers the last command, on which this rank worked for `busy_s` seconds."""
+        header = self.member.header(Kind.DONE, self.sequence, self.step[1])
+        header.busy_s = busy_s
+        self.answer(self.answers.send(header))
 
     def answer(self, got):
         """An answer was sent."""

@@ -1,11 +1,12 @@
 //! [`Partners`] of a coupling scheme, implemented by the programs of a session.
 
 use std::path::Path;
+use std::time::Instant;
 
 use case::Role;
 use channel::{HubError, LOAD_WIDTH, Stats, Window, flow_stats, mesh_stats, structure_stats};
 use coupling::error::RunError;
-use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
+use coupling::partners::{AcceptCost, LoadOverWindow, Partners, SolverResponse, Usage};
 use coupling::structure_energy::EnergyCreated;
 
 use super::HubPartners;
@@ -121,9 +122,10 @@ impl Partners for HubPartners<'_> {
         (!balanced).then(|| format!("{} ({})", Role::Structure.program(), a.program))
     }
 
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+    fn accept(&mut self, w: &Window) -> Result<AcceptCost, RunError> {
         let _part = timing::part("accept");
-        self.request(|hub, watch| {
+        let start = Instant::now();
+        let worked = self.request(|hub, watch| {
             // In short windows the hub never waits long enough to call the check itself.
             watch.check().map_err(HubError::Aborted)?;
             hub.accept(w, &mut || watch.check())
@@ -131,7 +133,9 @@ impl Partners for HubPartners<'_> {
         if let Some(own) = &mut self.own {
             own.accept();
         }
-        Ok(())
+        let mut busy_s = [0.0; 3];
+        worked.into_iter().for_each(|(role, seconds)| busy_s[role as usize] = seconds);
+        Ok(AcceptCost { busy_s, wall_s: start.elapsed().as_secs_f64() })
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {

@@ -5,7 +5,7 @@ use std::path::Path;
 use case::Role;
 use channel::Window;
 use coupling::error::RunError;
-use coupling::partners::{LoadOverWindow, Partners, SolverResponse};
+use coupling::partners::{AcceptCost, LoadOverWindow, Partners, SolverResponse};
 
 /// No partners: they accept and save nothing, and solve nothing.
 pub(super) struct WithoutPrograms;
@@ -32,8 +32,8 @@ impl Partners for WithoutPrograms {
         Err(none(Role::Flow))
     }
 
-    fn accept(&mut self, _: &Window) -> Result<(), RunError> {
-        Ok(())
+    fn accept(&mut self, _: &Window) -> Result<AcceptCost, RunError> {
+        Ok(AcceptCost::default())
     }
 
     fn save(&mut self, _: &Path) -> Result<(), RunError> {

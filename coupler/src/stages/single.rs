@@ -85,7 +85,7 @@ impl<S: WindowSolver> Stepper for SingleSolve<S> {
         let (state, place) = (&mut self.state, &self.place);
         self.solver.solve(&mut WindowSolve { partners, window: &w, state, report: &mut report, place })?;
         self.acceptance.require(&w, &report)?;
-        partners.accept(&w)?;
+        report.add_acceptance(partners.accept(&w)?);
         self.solves = 0;
         self.solver.accepted(&mut self.state);
         Ok(report)

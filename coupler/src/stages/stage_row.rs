@@ -118,7 +118,7 @@ impl<'c> StageRun<'c, '_> {
             energy_error_j: on_structure - by_flow,
             interface_energy: self.interface_energy,
             balance: self.stepper.system_balance().copied(),
-            coupler_s: (wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
+            coupler_s: (wall_s - report.accept_wall_s - report.wall_s.iter().sum::<f64>()).max(0.0),
             wall_s,
             report,
         }

@@ -183,8 +183,10 @@ impl Stepper for TrajectoryStage<'_> {
         let force = self.mass.areas.force(here.density_kg_m3, here.wind_m_s - end.velocity);
         self.state.acceleration = ((end.velocity - start.velocity) / w.dt).into();
         (self.state.position, self.state.velocity) = (end.position.into(), end.velocity.into());
-        partners.accept(&w)?;
-        Ok(WindowReport { iterations: 1, converged: true, force: force.into(), ..WindowReport::default() })
+        let mut report =
+            WindowReport { iterations: 1, converged: true, force: force.into(), ..WindowReport::default() };
+        report.add_acceptance(partners.accept(&w)?);
+        Ok(report)
     }
 
     fn state(&self) -> &InterfaceState {

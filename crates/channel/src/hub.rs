@@ -189,14 +189,14 @@ impl Hub {
         self.program(role)?.take_outputs(id, each)
     }
 
-    /// Accepts window `w` in every program that computed it.
-    pub fn accept(&mut self, w: &Window, on_wait: OnWait<'_>) -> Result<(), HubError> {
+    /// Accepts window `w` in every program that computed it; the seconds that each worked on that, by its slowest rank.
+    pub fn accept(&mut self, w: &Window, on_wait: OnWait<'_>) -> Result<Vec<(Role, f64)>, HubError> {
         let roles: Vec<Role> =
             self.programs.iter().filter(|p| p.open == Some(w.index)).map(|p| p.role).collect();
         let result = if roles.is_empty() {
             Err(HubError::Misuse(format!("window {} is to be accepted, but no program computed it", w.index)))
         } else {
-            self.request(&roles, Kind::Accept, w, "", on_wait)
+            self.send_command(&roles, Kind::Accept, w, "").and_then(|()| self.finish_timed(&roles, on_wait))
         };
         for program in &mut self.programs {
             program.open = program.open.filter(|&open| open != w.index);
@@ -258,9 +258,14 @@ impl Hub {
 
     /// Waits until each rank of `roles` has completed its command.
     pub(crate) fn finish(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<(), HubError> {
+        self.finish_timed(roles, on_wait).map(|_| ())
+    }
+
+    /// As [`Hub::finish`]; the seconds that each program worked, by its slowest rank.
+    fn finish_timed(&mut self, roles: &[Role], on_wait: OnWait<'_>) -> Result<Vec<(Role, f64)>, HubError> {
         self.wait_for(roles, on_wait)?;
         let id = self.id;
-        roles.iter().try_for_each(|&role| self.program(role)?.take_done(id))
+        roles.iter().map(|&role| Ok((role, self.program(role)?.take_done(id)?))).collect()
     }
 
     /// Sends a command to `roles`, without waiting.

@@ -172,15 +172,18 @@ impl Program {
         Ok(got)
     }
 
-    pub fn take_done(&mut self, id: u64) -> Result<(), HubError> {
+    /// Seconds that the slowest rank worked on the command.
+    pub fn take_done(&mut self, id: u64) -> Result<f64, HubError> {
         let pending = self.pending.take().expect("a command was sent");
+        let mut busy_s = 0.0f64;
         for rank in &mut self.ranks {
             let message = rank.answer.take().expect("each rank has answered");
             if let Some(problem) = rank.check(&message, id, Kind::Done, Unit::None, Some(0), self.sequence) {
                 return Err(rank.broken(pending.kind, &pending.window, problem));
             }
+            busy_s = busy_s.max(message.header().stats.busy_s);
         }
-        Ok(())
+        Ok(busy_s)
     }
 
     pub fn take_outputs(

@@ -71,8 +71,8 @@ impl<'a> ProxiedRank<'a> {
     }
 
     pub fn receive_done(&self) -> Result<(), ServeError> {
-        self.answer(Kind::Done)?;
-        self.server.done()
+        let frame = self.answer(Kind::Done)?;
+        self.server.done_after(frame.stats.busy_s)
     }
 
     pub fn receive_output(&self, w: &Window) -> Result<(), ServeError> {

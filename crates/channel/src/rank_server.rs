@@ -344,16 +344,22 @@ impl RankServer {
 
     /// A call of the participant that is answered with `Done`.
     fn call(&self, call: impl FnOnce() -> Result<(), Fault>) -> Result<(), ServeError> {
+        let start = Instant::now();
         match guarded(call) {
-            Ok(()) => self.done(),
+            Ok(()) => self.done_after(start.elapsed().as_secs_f64()),
             Err(fault) => Err(self.member.fail(&self.answers, self.sequence, &self.step, fault)),
         }
     }
 
     pub fn done(&self) -> Result<(), ServeError> {
-        self.answer(
-            self.answers.send(self.member.header(Kind::Done, self.sequence).with_window(self.step.1))?,
-        )
+        self.done_after(0.0)
+    }
+
+    /// A command is completed on which this rank worked for `busy_s` seconds.
+    pub fn done_after(&self, busy_s: f64) -> Result<(), ServeError> {
+        let mut header = self.member.header(Kind::Done, self.sequence).with_window(self.step.1);
+        header.stats.busy_s = busy_s;
+        self.answer(self.answers.send(header)?)
     }
 
     fn answer(&self, got: usize) -> Result<(), ServeError> {

@@ -72,7 +72,9 @@ fn run_windows(hub: &mut Hub, roles: &[Role]) -> Result<Vec<Vec<f64>>, HubError>
                 }
             }
         }
-        hub.accept(&window(index, 2), &mut time_limit())?;
+        for (role, busy_s) in hub.accept(&window(index, 2), &mut time_limit())? {
+            assert!(busy_s >= ACCEPTANCE.as_secs_f64(), "{role:?}: {busy_s}");
+        }
     }
     Ok(responses)
 }

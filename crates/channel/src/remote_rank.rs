@@ -129,6 +129,7 @@ impl<'a> RemoteRank<'a> {
     /// Executes a command that is answered with `Done`.
     fn execute(&self, participant: &mut dyn Participant, command: &Frame) -> Result<(), ServeError> {
         let (w, folder) = (&command.window, Path::new(&command.text));
+        let start = Instant::now();
         let done = match command.kind {
             Kind::Accept => guarded(|| participant.accept(w)),
             Kind::Save => guarded(|| {
@@ -140,7 +141,9 @@ impl<'a> RemoteRank<'a> {
             kind => Err(Fault::new(format!("unexpected command `{kind:?}` between windows"))),
         };
         done.map_err(|fault| self.channel.fail(&self.step, fault))?;
-        self.channel.send(&Frame::new(Kind::Done, *w));
+        let mut answer = Frame::new(Kind::Done, *w);
+        answer.stats.busy_s = start.elapsed().as_secs_f64();
+        self.channel.send(&answer);
         Ok(())
     }
 }

@@ -189,7 +189,9 @@ fn processes_run_a_session_privately_and_sleep_while_waiting() {
         assert!(after - before <= 1, "{before:?} {after:?}");
     }
 
-    hub.accept(&window(0, 2), &mut time_limit()).expect("accepted");
+    let worked = hub.accept(&window(0, 2), &mut time_limit()).expect("accepted");
+    assert_eq!(worked.iter().map(|(role, _)| *role).collect::<Vec<_>>(), roles.map(|r| r.0));
+    assert!(worked.iter().all(|(_, busy_s)| *busy_s >= ACCEPTANCE.as_secs_f64()), "{worked:?}");
     hub.stop(&mut time_limit()).expect("stopped");
     for process in &mut processes {
         assert_eq!(process.end(SECONDS), (Some(0), String::new()));

@@ -26,6 +26,15 @@ pub struct SolverResponse {
     pub wall_s: f64,
 }
 
+/// What the programs spent on the acceptance of a window, all at the same time.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AcceptCost {
+    /// Seconds that structure, flow, mesh worked; of the slowest rank.
+    pub busy_s: [f64; 3],
+    /// Wall seconds until all had done so.
+    pub wall_s: f64,
+}
+
 /// Processor time and memory of all ranks of a program on this host.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Usage {
@@ -50,7 +59,7 @@ pub struct Usage {
 /// use channel::{LOAD_WIDTH, Window};
 /// use coupling::error::RunError;
 /// use coupling::frame_axes::FrameAxes;
-/// use coupling::partners::{LoadOverWindow, Partners, SolverResponse};
+/// use coupling::partners::{AcceptCost, LoadOverWindow, Partners, SolverResponse};
 /// use coupling::schemes::{Criterion, Field, InterfaceState, Uniform, Unknowns, WindowLoopSetup, window_loop};
 ///
 /// /// Structure: z = p / 100 Pa/m. Flow: p = 8 Pa - 300 Pa/m z.
@@ -79,8 +88,8 @@ pub struct Usage {
 ///         Ok(SolverResponse::default())
 ///     }
 ///
-///     fn accept(&mut self, _: &Window) -> Result<(), RunError> {
-///         Ok(())
+///     fn accept(&mut self, _: &Window) -> Result<AcceptCost, RunError> {
+///         Ok(AcceptCost::default())
 ///     }
 ///
 ///     fn save(&mut self, _: &Path) -> Result<(), RunError> {
@@ -141,7 +150,7 @@ pub trait Partners {
     fn flow(&mut self, w: &Window, load: &mut [f64]) -> Result<SolverResponse, RunError>;
 
     /// The last responses become the accepted state.
-    fn accept(&mut self, w: &Window) -> Result<(), RunError>;
+    fn accept(&mut self, w: &Window) -> Result<AcceptCost, RunError>;
 
     /// All programs write their accepted state below `folder`.
     fn save(&mut self, folder: &Path) -> Result<(), RunError>;

@@ -21,6 +21,8 @@ pub use load::{Available, Limit, deadline};
 pub const NODES: usize = 35;
 pub const FACES: usize = 24;
 pub const GRID: usize = 101;
+/// Every program works as long on the acceptance of a window.
+pub const ACCEPTANCE: Duration = Duration::from_millis(2);
 
 /// Injected error in a given call of `advance` (counted from 0).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -152,6 +154,7 @@ impl Participant for Fake {
     }
 
     fn accept(&mut self, _: &Window) -> Result<(), Fault> {
+        std::thread::sleep(ACCEPTANCE);
         self.state = self.last;
         Ok(())
     }

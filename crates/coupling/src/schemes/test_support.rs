@@ -14,7 +14,7 @@ use super::window::values::InterfaceState;
 use super::window::window_loop::WindowLoop;
 use crate::error::RunError;
 use crate::frame_axes::FrameAxes;
-use crate::partners::{LoadOverWindow, Partners, SolverResponse};
+use crate::partners::{AcceptCost, LoadOverWindow, Partners, SolverResponse};
 
 /// Flat square of `n` x `n` faces with side 1.
 pub fn plate(n: usize) -> (Vec<Point>, Vec<[u32; 4]>) {
@@ -64,9 +64,9 @@ impl<T: ClosedForm> Partners for T {
         Ok(SolverResponse { stats: self.solve_flow(w, load)?, wall_s: 0.0 })
     }
 
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
+    fn accept(&mut self, w: &Window) -> Result<AcceptCost, RunError> {
         self.accept_window(w);
-        Ok(())
+        Ok(AcceptCost::default())
     }
 
     fn save(&mut self, _folder: &Path) -> Result<(), RunError> {

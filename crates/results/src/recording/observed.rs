@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use case::Role;
 use channel::Window;
 use coupling::error::RunError;
-use coupling::partners::{LoadOverWindow, Partners, SolverResponse, Usage};
+use coupling::partners::{AcceptCost, LoadOverWindow, Partners, SolverResponse, Usage};
 
 use super::Event;
 
@@ -78,12 +78,12 @@ impl<P: Partners, O: Observer> Partners for Observed<P, O> {
         Ok(answer)
     }
 
-    fn accept(&mut self, w: &Window) -> Result<(), RunError> {
-        self.partners.accept(w)?;
+    fn accept(&mut self, w: &Window) -> Result<AcceptCost, RunError> {
+        let cost = self.partners.accept(w)?;
         let start = Instant::now();
         self.observer.observe(w, Event::Accept { at: w.into() })?;
         self.spent += start.elapsed();
-        Ok(())
+        Ok(cost)
     }
 
     fn save(&mut self, folder: &Path) -> Result<(), RunError> {

@@ -4,7 +4,7 @@ use case::Role;
 use channel::{Stats, flow_stats};
 
 use crate::descent::WindowForces;
-use crate::partners::SolverResponse;
+use crate::partners::{AcceptCost, SolverResponse};
 
 /// Report of one window.
 #[derive(Clone, Debug, Default)]
@@ -28,10 +28,12 @@ pub struct WindowReport {
     pub flow_iterations: f64,
     /// Sums of the statistics of structure, flow, mesh over all their solves; meaningful for counts.
     pub sums: [Stats; 3],
-    /// Seconds that structure, flow, mesh computed, over all iterations.
+    /// Seconds that structure, flow, mesh computed, over all iterations and for the acceptance of the window.
     pub busy_s: [f64; 3],
     /// Seconds from request to response of structure, flow, mesh, over all iterations.
     pub wall_s: [f64; 3],
+    /// Seconds until all programs had accepted the window.
+    pub accept_wall_s: f64,
 }
 
 impl WindowReport {
@@ -53,5 +55,11 @@ impl WindowReport {
             self.flow_iterations += response.stats.values[flow_stats::ITERATIONS];
             self.force.copy_from_slice(&response.stats.values[flow_stats::FORCE..flow_stats::FORCE + 3]);
         }
+    }
+
+    /// Adds the acceptance of the window.
+    pub fn add_acceptance(&mut self, cost: AcceptCost) {
+        self.busy_s.iter_mut().zip(cost.busy_s).for_each(|(sum, busy)| *sum += busy);
+        self.accept_wall_s += cost.wall_s;
     }
 }

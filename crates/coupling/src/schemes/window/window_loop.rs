@@ -257,7 +257,7 @@ impl WindowLoop {
         let state = &mut self.state;
         self.judge.require(&state.window, &state.report)?;
         self.problem.check_descent(state)?;
-        partners.accept(&state.window)?;
+        state.report.add_acceptance(partners.accept(&state.window)?);
         state.accept();
         timed("scheme update", || self.scheme.accept(state));
         self.last_dt = state.window.dt;
