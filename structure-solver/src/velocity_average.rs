@@ -213,7 +213,7 @@ mod tests {
         (1..240).map(|k| Mode { angle: 0.05 * f64::from(k), ..mode }.growth()).fold(0.0, f64::max)
     }
 
-    /// The linear analysis of decision 80: without the average no mode grows in either flow. Drawn to the mean, modes without added mass grow by 1.053 and the others hardly; drawn to a
+    /// The linear analysis of decision 80: without the average no mode grows in either flow. Drawn to the mean, modes without added mass grow by 1.053 and the others less; drawn to a
     /// velocity of second order, both grow more.
     #[test]
     fn no_mode_of_an_immersed_canopy_grows_without_the_average() {
