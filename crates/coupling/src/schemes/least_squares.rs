@@ -52,6 +52,48 @@ impl Columns {
     }
 }
 
+/// Cholesky factor of the inner products of columns that arrive one by one. It has the digits of the products, so that
+/// a solution is as accurate as one of [`Columns`] after a second one for the rest (Björck 1987, corrected seminormal
+/// equations).
+#[derive(Default)]
+pub(crate) struct NormalEquations {
+    /// Rows of the lower triangle.
+    rows: Vec<Vec<f64>>,
+}
+
+impl NormalEquations {
+    /// Adds a column with these inner products with the columns before and, last, with itself, unless its part
+    /// orthogonal to the columns before is at most the fraction `filter` of it. Returns whether it was added.
+    pub fn push(&mut self, products: &[f64], filter: f64) -> bool {
+        let Some((square, products)) = products.split_last() else { return false };
+        let mut row = Vec::with_capacity(products.len() + 1);
+        for (before, product) in self.rows.iter().zip(products) {
+            let known = dot(&before[..row.len()], &row);
+            row.push((product - known) / before[row.len()]);
+        }
+        let rest = square - dot(&row, &row);
+        // NaN adds none either.
+        if rest.is_nan() || rest <= filter * filter * square {
+            return false;
+        }
+        row.push(rest.sqrt());
+        self.rows.push(row);
+        true
+    }
+
+    /// Replaces the right-hand sides by the solution.
+    pub fn solve(&self, b: &mut [f64]) {
+        for (i, row) in self.rows.iter().enumerate() {
+            b[i] = (b[i] - dot(&row[..i], &b[..i])) / row[i];
+        }
+        for (i, row) in self.rows.iter().enumerate().rev() {
+            b[i] /= row[i];
+            let (before, now) = b.split_at_mut(i);
+            axpy(-now[0], &row[..i], before);
+        }
+    }
+}
+
 /// Eight partial sums in parallel: a single one would serialise the additions.
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let ((a, a_rest), (b, b_rest)) = (a.as_chunks::<8>(), b.as_chunks::<8>());
