@@ -199,6 +199,7 @@ impl CoupledStage<'_> {
             fabric_kg_m2: cloth + smeared,
             air: self.air(),
             response: response(self.scene),
+            difference: if self.is_immersed() { 1.0 } else { 1.5 },
             falling_kg: self.descent.map_or(0.0, |d| d.mass_kg),
         }
     }

@@ -121,8 +121,13 @@ fn run_windows(coupling: &Coupling, share: f64, windows: u64, dt: f64) -> Result
     let rest = || -> Box<dyn Relaxation> {
         let (positions, faces) = self::plate();
         let response = 0.5 * MEAN_WEIGHTS[0];
-        let weights =
-            MassProperties { fabric_kg_m2: FABRIC, air: Air::incompressible(AIR), response, falling_kg: 0.0 };
+        let weights = MassProperties {
+            fabric_kg_m2: FABRIC,
+            air: Air::incompressible(AIR),
+            response,
+            difference: 1.5,
+            falling_kg: 0.0,
+        };
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a sound plate");
         Box::new(AddedMassRelaxation::new(unknowns, &faces, &weights, &lattice).expect("a sound plate"))
     };

@@ -25,6 +25,8 @@ pub struct MassProperties {
     /// Displacement at the end of a window, in $`\Delta t^2/m`$, per pressure at its end: half the weight of that
     /// pressure in the load over the substeps.
     pub response: f64,
+    /// Leading coefficient $`a`$ of the flow's difference over a window: 3/2 for BDF2, 1 for first order.
+    pub difference: f64,
     /// Falling mass, kg; 0 without descent.
     pub falling_kg: f64,
 }
@@ -40,10 +42,10 @@ pub struct MassProperties {
 /// $`-G\,\delta x`$, $`G = g A^{-1}`$, with
 ///
 /// ```math
-/// g = \tfrac94\, s\, \rho / m''
+/// g = a^2\, s\, \rho / m''
 /// ```
 ///
-/// ($`\tfrac94`$: BDF2 of BDF2 velocities; $`s`$: `response`; $`m''`$: fabric per
+/// ($`a^2`$: differences of velocities that are differences, $`a = \tfrac32`$ with BDF2 and 1 with first order; $`s`$: `response`; $`m''`$: fabric per
 /// area; stiffness is neglected, which only adds damping). So the residual $`r`$ requires
 /// the step $`e = (I+G)^{-1} r = (A+gI)^{-1}A\,r`$ along the normals. Tangential
 /// motion moves no air: there the full residual is the step.
@@ -53,8 +55,8 @@ pub struct MassProperties {
 /// $`B = \rho A^{-T} a / M`$, both are solved together,
 ///
 /// ```math
-/// \delta x + G\,\delta x + \tfrac23 G N\,\delta V = r, \qquad
-/// \delta V + B^T(\tfrac94\,\delta x + \tfrac32 N\,\delta V) = r_V.
+/// \delta x + G\,\delta x + \tfrac1a G N\,\delta V = r, \qquad
+/// \delta V + B^T(a^2\,\delta x + a N\,\delta V) = r_V.
 /// ```
 ///
 /// (Solved separately, the two would converge with a factor of 0.9 only.)
@@ -104,7 +106,7 @@ impl AddedMassRelaxation {
         let VortexLattice { positions, areas, normals, groups, influence, .. } = lattice;
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
-        let gain = 2.25 * masses.response * masses.air.density / masses.fabric_kg_m2;
+        let gain = masses.difference.powi(2) * masses.response * masses.air.density / masses.fabric_kg_m2;
         let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
         let mut node_faces = vec![0.0; positions.len()];
         faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
@@ -174,7 +176,7 @@ impl AddedMassRelaxation {
         self.force = along(&self.group_forces) * inverse_mass;
         self.relaxed = along(&self.relaxed_normals);
         let matrix = DMatrix::identity(axes.len(), axes.len())
-            + self.force.transpose() * (along(&self.group_normals) - &self.relaxed) * 1.5;
+            + self.force.transpose() * (along(&self.group_normals) - &self.relaxed) * self.masses.difference;
         let solvable = self.vertical_added_mass.is_finite() && matrix.determinant() > LEAST_DETERMINANT;
         self.frame_inverse = matrix
             .try_inverse()
@@ -189,8 +191,9 @@ impl AddedMassRelaxation {
     /// $`\delta x`$.
     fn solve(&self, r: &DVector<f64>, r_v: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
         let mut normal_steps = apply_inverse(self.gain, &self.inverse, r);
-        let frame = &self.frame_inverse * (r_v - self.force.tr_mul(&normal_steps) * 2.25);
-        normal_steps.gemv(-2.0 / 3.0, &self.relaxed, &frame, 1.0);
+        let a = self.masses.difference;
+        let frame = &self.frame_inverse * (r_v - self.force.tr_mul(&normal_steps) * a.powi(2));
+        normal_steps.gemv(-1.0 / a, &self.relaxed, &frame, 1.0);
         (normal_steps, frame)
     }
 
@@ -309,6 +312,7 @@ mod tests {
             fabric_kg_m2: 0.0373,
             air: Air::incompressible(1.0),
             response: 0.275,
+            difference: 1.5,
             falling_kg: 1.0,
         }
     }
@@ -363,14 +367,16 @@ mod tests {
         positions.iter_mut().for_each(|x| x[2] = 0.5 * (x[0] - 0.4).powi(2) + 0.6 * x[0] * x[1]);
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).unwrap();
         let influence = lattice.influence.clone().lu();
-        for axes in [FrameAxes::None, FrameAxes::Vertical, FrameAxes::All] {
+        let cases = [FrameAxes::None, FrameAxes::Vertical, FrameAxes::All].map(|axes| (axes, 1.5));
+        for (axes, a) in cases.into_iter().chain([(FrameAxes::All, 1.0)]) {
             let unknowns = Unknowns::new(positions.len(), 5e-3, axes);
-            let model = AddedMassRelaxation::new(unknowns, &faces, &masses(), &lattice).unwrap();
+            let masses = MassProperties { difference: a, ..masses() };
+            let model = AddedMassRelaxation::new(unknowns, &faces, &masses, &lattice).unwrap();
             let dx = DVector::from_fn(faces.len(), |i, _| 0.3 + 0.1 * (i as f64).sin());
             let dv = DVector::from_fn(axes.len(), |i, _| -0.2 + 0.15 * i as f64);
             let along =
                 DMatrix::from_fn(faces.len(), axes.len(), |f, k| lattice.normals[f][axes.range().start + k]);
-            let moved = &dx * 2.25 + &along * &dv * 1.5;
+            let moved = &dx * (a * a) + &along * &dv * a;
             let r = &dx + influence.solve(&moved).unwrap() * (0.275 / 0.0373);
             // Force of the air per acceleration over the mass of 1 kg: area vectors times the pressure jumps.
             let jumps = influence.solve(&moved).unwrap();

@@ -72,6 +72,7 @@ mod tests {
             fabric_kg_m2: 0.0373,
             air: Air::incompressible(1.2),
             response: 0.275,
+            difference: 1.5,
             falling_kg: 0.0,
         };
         let plain = Unknowns::new(positions.len(), dt, FrameAxes::None);

@@ -17,6 +17,13 @@ use crate::schemes::window::state::WindowState;
 /// is smaller, since the flow is then solved more accurately.
 const LEAST_STEP: f64 = 1e-3;
 
+/// Tolerance of the structure's solution against the surrogate, relative to the residual of the window.
+const INNER_TOLERANCE: f64 = 0.02;
+/// The same around an immersed canopy, to whose flow the surrogate is less near: an iteration leaves a third of the
+/// residual. ATPS after 110 s of descent, 100 windows: 613, 613, 627 iterations and 5.2, 4.8, 4.2 s of the structure
+/// with 0.02, 0.05, 0.1.
+const INNER_TOLERANCE_IMMERSED: f64 = 0.05;
+
 /// Interface block quasi-Newton (IBQN-LS; Vierendeels et al. 2007) with the structure itself instead of its Jacobian:
 /// a flow solve at the iterate, then structure and descent solved against the flow's last response, the surrogate's
 /// added-mass load and the secants of the flow. The flow's Jacobian varies slowly from window to window, unlike that
@@ -118,7 +125,9 @@ impl CouplingScheme for BlockQuasiNewton {
 
     fn improve(&mut self, state: &mut WindowState, solvers: &mut Solvers<'_>) -> Result<bool, RunError> {
         let outer = state.report.residual.unwrap_or(1.0);
-        let tolerance = (0.2 * solvers.criterion.tolerance).max(0.02 * outer.min(1.0));
+        let share =
+            if self.inner.model.is_first_order() { INNER_TOLERANCE_IMMERSED } else { INNER_TOLERANCE };
+        let tolerance = (0.2 * solvers.criterion.tolerance).max(share * outer.min(1.0));
         let restart = std::mem::take(&mut self.restart);
         self.inner.x.copy_from_slice(if restart { &state.start } else { &state.x });
         self.inner.defect.copy_from_slice(&self.defect);

@@ -247,6 +247,11 @@ impl AddedMassSurrogate {
         Self { first_order: true, ..self }
     }
 
+    /// Whether it is one.
+    pub fn is_first_order(&self) -> bool {
+        self.first_order
+    }
+
     /// The same with another density: a larger one stabilises schemes that rely on the surrogate alone.
     pub fn with_density(self, density: f64) -> Self {
         Self { air: Air { density, ..self.air }, ..self }
