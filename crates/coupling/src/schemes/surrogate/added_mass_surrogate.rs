@@ -247,7 +247,7 @@ impl AddedMassSurrogate {
         Self { first_order: true, ..self }
     }
 
-    /// Whether it is one.
+    /// Whether the flow takes first-order differences.
     pub fn is_first_order(&self) -> bool {
         self.first_order
     }
