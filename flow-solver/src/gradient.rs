@@ -3,6 +3,9 @@
 //! On an even grid of hexahedra they are central differences, of second order. Where the flux may be central, a second pass makes
 //! them of fourth order ([`LeastSquares::compact_correction`]).
 
+use mesh::lanes::Real;
+use nalgebra::{Matrix3, Vector3};
+
 use crate::geometry::Metrics;
 use crate::geometry::vec3::{Mat3, Vec3};
 use crate::physics::velocity;
@@ -13,15 +16,15 @@ pub type Gradient<const N: usize> = [[f64; N]; 3];
 
 /// Change of the variable `v` with the gradient `g` along `d`.
 #[inline(always)]
-pub fn along<const N: usize>(g: &Gradient<N>, v: usize, d: &Vec3) -> f64 {
+pub fn along<T: Real, const N: usize>(g: &[[T; N]; 3], v: usize, d: &Vector3<T>) -> T {
     g[0][v] * d.x + g[1][v] * d.y + g[2][v] * d.z
 }
 
 /// Velocity gradient (1/s, row: direction, column: component) within that of all unknowns.
 #[inline(always)]
-pub fn of_velocity<const N: usize>(g: &Gradient<N>) -> Mat3 {
+pub fn of_velocity<T: Real, const N: usize>(g: &[[T; N]; 3]) -> Matrix3<T> {
     let [x, y, z] = g;
-    Mat3::new(x[1], x[2], x[3], y[1], y[2], y[3], z[1], z[2], z[3])
+    Matrix3::new(x[1], x[2], x[3], y[1], y[2], y[3], z[1], z[2], z[3])
 }
 
 /// Curl of the velocity, 1/s, from the gradient of all unknowns.

@@ -66,7 +66,8 @@ fn porous_flux<G: Gas<N>, const N: usize>(
     let spacing = (way.dot(&face.area) / face.magnitude()).max(0.2 * way.norm());
     let mean = (velocity(cells[0]) + velocity(cells[1])) * 0.5;
     let relative = (mean.dot(&face.area) - face.grid_flux) / face.magnitude();
-    let (held, resistance) = scheme.resistance(previous, spacing, relative_speed(scheme, mean));
+    let (held, resistance) =
+        scheme.resistance(previous.map(f64::from), spacing, relative_speed(scheme, mean));
     let jump = l[0] - r[0];
     let rho = gas.density(if jump > 0.0 { l } else { r });
     let resistance = rho * resistance;

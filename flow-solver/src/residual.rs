@@ -1,14 +1,16 @@
 //! The spatial residual: net outflow of each cell, second order.
 
 use comm::Halo;
+use mesh::lanes::{LANES, Lanes, columns, lane_by_lane, rows, value};
+use nalgebra::{SimdBool, SimdComplexField, SimdPartialOrd, SimdValue, Vector3};
 
 use crate::geometry::vec3::Vec3;
-use crate::geometry::{FaceMetric, Metrics};
+use crate::geometry::{FaceGeometry, FaceMetric, Metrics};
 use crate::gradient::{self, Field, Gradient, LeastSquares};
 use crate::limiter;
 use crate::physics::{
-    self, Blending, BoundaryFace, FaceFlux, FluxParameters, Gas, Interface, Viscosity, ViscosityModel,
-    WallLaw, WallTreatment, relative_speed, velocity,
+    self, Blending, BoundaryFace, FaceFlux, FaceHistory, FluxParameters, Gas, Interface, Viscosity,
+    ViscosityModel, WallLaw, WallTreatment, relative_speed, velocity,
 };
 use crate::topology::{OpenSides, Side, Topology};
 use crate::turbulence::face_viscosity;
@@ -141,13 +143,44 @@ fn correct<const N: usize>(on: &Domain<'_>, scheme: &FluxParameters, q: &[[f64; 
     }
 }
 
-/// A face between two cells.
-struct Between<'a> {
-    face: &'a FaceMetric,
-    /// Cells that the area vector points from and to.
-    cells: [usize; 2],
-    /// From the centre of the first to that of the second, m.
-    way: Vec3,
+/// Faces between two cells, [`LANES`] of them.
+struct Batch<const N: usize> {
+    /// Cells that the area vectors point from, and to.
+    cells: [[usize; LANES]; 2],
+    face: FaceGeometry<Lanes>,
+    /// From the centres of the first cells to those of the second, m.
+    way: Vector3<Lanes>,
+    /// States of the first and second cells.
+    q: [[Lanes; N]; 2],
+    /// Their gradients.
+    gradient: [[[Lanes; N]; 3]; 2],
+}
+
+impl<const N: usize> Batch<N> {
+    #[inline(always)]
+    fn new(on: &Domain<'_>, field: Field<'_, N>, faces: &[usize; LANES]) -> Self {
+        let [a, b, c, d] = *faces;
+        let pair = &on.topology.cells;
+        let pairs = [pair[a], pair[b], pair[c], pair[d]];
+        let cells = |side: usize| [0, 1, 2, 3].map(|l| pairs[l][side] as usize);
+        let (i, j) = (cells(0), cells(1));
+        let face = &on.metrics.faces;
+        Self {
+            face: FaceGeometry::batch([&face[a], &face[b], &face[c], &face[d]]),
+            way: Vector3::from(rows(&on.metrics.centre, &j)) - Vector3::from(rows(&on.metrics.centre, &i)),
+            q: [rows(field.q, &i), rows(field.q, &j)],
+            gradient: [slopes(field.gradient, &i), slopes(field.gradient, &j)],
+            cells: [i, j],
+        }
+    }
+}
+
+/// Gradients of the cells of a batch.
+#[inline(always)]
+fn slopes<const N: usize>(gradient: &[Gradient<N>], cells: &[usize; LANES]) -> [[Lanes; N]; 3] {
+    let [a, b, c, d] = cells.map(|c| &gradient[c]);
+    let along = |e: usize| columns([&a[e], &b[e], &c[e], &d[e]]);
+    [along(0), along(1), along(2)]
 }
 
 impl<G: Copy> Spatial<G> {
@@ -304,6 +337,18 @@ impl NearWall {
     }
 }
 
+/// What the fluxes of `faces` depend on.
+#[inline(always)]
+fn history(face_flux: &[FaceFlux], faces: &[usize; LANES]) -> FaceHistory<Lanes> {
+    let [a, b, c, d] = faces.map(|f| &face_flux[f]);
+    let row = |f: &FaceFlux| {
+        let FaceFlux { previous, blending: Blending { upwind, resolved }, .. } = *f;
+        [previous[0], previous[1], upwind, resolved].map(f64::from)
+    };
+    let [newest, second, upwind, resolved] = columns([&row(a), &row(b), &row(c), &row(d)]);
+    FaceHistory { previous: [newest, second], blending: Blending { upwind, resolved } }
+}
+
 fn wall_velocity(on: &Domain<'_>, scheme: &FluxParameters, side: &Side) -> Vec3 {
     on.wall_velocity[side.face as usize - on.topology.cells.len()] + scheme.frame
 }
@@ -321,82 +366,95 @@ impl<G, V: Viscosity> Spatial<G, V> {
     ) where
         G: Gas<N>,
     {
-        let faces = on.metrics.faces[range.clone()]
-            .iter()
-            .zip(&mut face_flux[range.clone()])
-            .zip(&on.topology.cells[range]);
-        for ((face, face_flux), &[i, j]) in faces {
-            let (i, j) = (i as usize, j as usize);
-            let pair = Between { face, cells: [i, j], way: on.metrics.centre(j) - on.metrics.centre(i) };
-            let [l, r] = self.reconstructed(field, &pair);
+        for first in range.clone().step_by(LANES) {
+            // The last batch repeats its last face.
+            let faces = std::array::from_fn(|l| (first + l).min(range.end - 1));
+            let batch = Batch::new(on, field, &faces);
+            let [l, r] = self.reconstructed(&batch);
             if scheme.renews_blending {
-                face_flux.blending = self.blending(on, scheme, field, &pair, [&l, &r]);
+                self.renew_blending(on, scheme, &batch, [&l, &r], &faces, face_flux);
             }
+            let history = history(face_flux, &faces);
             let Interface { mut flux, mass, rhie_chow } =
-                physics::interface(&self.gas, scheme, &l, &r, face, face_flux);
-            (face_flux.mass, face_flux.rhie_chow) = (mass as f32, rhie_chow as f32);
-            if face_flux.blending.upwind < 1.0 {
-                let correction = self.split_form_correction(field, &pair, face_flux.blending);
+                physics::interface(&self.gas, scheme, &l, &r, &batch.face, &history);
+            if history.blending.upwind.simd_lt(Lanes::splat(1.0)).any() {
+                let correction = self.split_form_correction(&batch, history.blending);
                 for (f, c) in flux[1..4].iter_mut().zip(&correction) {
-                    *f += c;
+                    *f += *c;
                 }
             }
             if V::ACTIVE {
-                let viscous = self.viscous_flux(on, field, &pair, [&l, &r]);
+                let viscous = self.viscous_flux(on, &batch, [&l, &r]);
                 for (f, v) in flux.iter_mut().zip(viscous) {
                     *f -= v;
                 }
             }
-            for v in 0..N {
-                residual[i][v] += flux[v];
-                residual[j][v] -= flux[v];
+            let (flux, mass, rhie_chow) = (flux.map(Lanes::into_arr), mass.into_arr(), rhie_chow.into_arr());
+            for (lane, face) in (first..range.end).take(LANES).enumerate() {
+                let kept = &mut face_flux[face];
+                (kept.mass, kept.rhie_chow) = (mass[lane] as f32, rhie_chow[lane] as f32);
+                let [i, j] = [batch.cells[0][lane], batch.cells[1][lane]];
+                for v in 0..N {
+                    residual[i][v] += flux[v][lane];
+                    residual[j][v] -= flux[v][lane];
+                }
             }
         }
     }
 
-    /// Blending of a face by the state, with the reconstructed states `l` and `r` on its two sides.
+    /// Blending of faces by the state, with the reconstructed states `l` and `r` on their two sides.
     #[inline(always)]
-    fn blending<const N: usize>(
+    fn renew_blending<const N: usize>(
         &self,
         on: &Domain<'_>,
         scheme: &FluxParameters,
-        field: Field<'_, N>,
-        pair: &Between<'_>,
-        [l, r]: [&[f64; N]; 2],
-    ) -> Blending {
-        let &Between { face, cells: [i, j], way } = pair;
-        if on.topology.upwind[i] || on.topology.upwind[j] {
-            return Blending::UPWIND;
-        }
-        let (gi, gj) = (&field.gradient[i], &field.gradient[j]);
-        let step = std::array::from_fn(|v| field.q[j][v] - field.q[i][v]);
+        batch: &Batch<N>,
+        [l, r]: [&[Lanes; N]; 2],
+        faces: &[usize; LANES],
+        face_flux: &mut [FaceFlux],
+    ) {
+        let half = Lanes::splat(0.5);
+        let Batch { cells, face, way, q, gradient: [gi, gj] } = batch;
+        let step = std::array::from_fn(|v| q[1][v] - q[0][v]);
         let along =
-            std::array::from_fn(|v| 0.5 * (gradient::along(gi, v, &way) + gradient::along(gj, v, &way)));
-        let passing = 0.5 * (velocity(l) + velocity(r)).dot(&face.area) - face.grid_flux;
-        let courant = passing.abs() / (scheme.rate * on.metrics.volume[i].min(on.metrics.volume[j]));
-        let uneven = physics::uneven(&face.offset(), &way);
-        let least = self.upwind_share.max(uneven).max(physics::unresolved_in_time(courant));
-        Blending::sensed::<N>(&step, &along, 0.5 * (l[0] - r[0]), least)
+            std::array::from_fn(|v| half * (gradient::along(gi, v, way) + gradient::along(gj, v, way)));
+        let passing = ((velocity(l) + velocity(r)) * half).dot(&face.area) - face.grid_flux;
+        let [volume_i, volume_j] =
+            [value(&on.metrics.volume, &cells[0]), value(&on.metrics.volume, &cells[1])];
+        let courant = passing.simd_abs() / (Lanes::splat(scheme.rate) * volume_i.simd_min(volume_j));
+        let uneven = physics::uneven(&face.offset, way);
+        let least =
+            Lanes::splat(self.upwind_share).simd_max(uneven).simd_max(physics::unresolved_in_time(courant));
+        let Blending { upwind, resolved } = Blending::sensed::<N>(&step, &along, half * (l[0] - r[0]), least);
+        let (upwind, resolved) = (upwind.into_arr(), resolved.into_arr());
+        for (lane, face) in faces.iter().enumerate() {
+            let is_upwind = cells.iter().any(|side| on.topology.upwind[side[lane]]);
+            face_flux[*face].blending = if is_upwind {
+                Blending::UPWIND
+            } else {
+                Blending { upwind: upwind[lane] as f32, resolved: resolved[lane] as f32 }
+            };
+        }
     }
 
-    /// States on the two sides of a face between two cells.
+    /// States on the two sides of faces between two cells.
     #[inline(always)]
-    fn reconstructed<const N: usize>(&self, field: Field<'_, N>, pair: &Between<'_>) -> [[f64; N]; 2] {
-        let &Between { face, cells: [i, j], way } = pair;
-        let di = face.offset();
+    fn reconstructed<const N: usize>(&self, batch: &Batch<N>) -> [[Lanes; N]; 2] {
+        let Batch { face, way, q: [qi, qj], gradient: [gi, gj], .. } = batch;
+        let [zero, one, chi] = [0.0, 1.0, self.chi].map(Lanes::splat);
+        let di = face.offset;
         let dj = di - way;
-        let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
         let (mut l, mut r) = (*qi, *qj);
         // The plain difference counts by where the face lies between the centres:
         // a thin cell next to a thick one takes little of it.
-        let near = (di.dot(&face.area) / (face.magnitude() * face.spacing())).clamp(0.0, 1.0);
-        let (chi_i, chi_j) = (self.chi * near, self.chi * (1.0 - near));
+        let near = (di.dot(&face.area) / (face.area.norm() * face.spacing)).simd_clamp(zero, one);
+        let (chi_i, chi_j) = (chi * near, chi * (one - near));
         for v in 0..N {
             let step = qj[v] - qi[v];
             l[v] += gradient::along(gi, v, &di);
-            l[v] += chi_i * (step - gradient::along(gi, v, &way));
+            l[v] += chi_i * (step - gradient::along(gi, v, way));
             r[v] += gradient::along(gj, v, &dj);
-            r[v] -= chi_j * (step - gradient::along(gj, v, &way));
+            r[v] -= chi_j * (step - gradient::along(gj, v, way));
         }
         [l, r]
     }
@@ -406,20 +464,19 @@ impl<G, V: Viscosity> Spatial<G, V> {
     #[inline(always)]
     fn split_form_correction<const N: usize>(
         &self,
-        field: Field<'_, N>,
-        pair: &Between<'_>,
-        blending: Blending,
-    ) -> Vec3
+        batch: &Batch<N>,
+        blending: Blending<Lanes>,
+    ) -> Vector3<Lanes>
     where
         G: Gas<N>,
     {
-        let &Between { face, cells: [i, j], way } = pair;
-        let (gi, gj) = (&field.gradient[i], &field.gradient[j]);
-        let half = (velocity(&field.q[j]) - velocity(&field.q[i])) * 0.5;
-        let predicted = |g: &Gradient<N>| Vec3::from_fn(|d, _| gradient::along(g, 1 + d, &way));
-        let (beta, gamma) = (half - predicted(gi), predicted(gj) - half);
-        let rho = 0.5 * (self.gas.density(&field.q[i]) + self.gas.density(&field.q[j]));
-        let share = 1.0 - f64::from(blending.upwind);
+        let Batch { face, way, q: [qi, qj], gradient: [gi, gj], .. } = batch;
+        let [half, one] = [0.5, 1.0].map(Lanes::splat);
+        let half_step = (velocity(qj) - velocity(qi)) * half;
+        let predicted = |g: &[[Lanes; N]; 3]| Vector3::from_fn(|d, _| gradient::along(g, 1 + d, way));
+        let (beta, gamma) = (half_step - predicted(gi), predicted(gj) - half_step);
+        let rho = half * (self.gas.density(qi) + self.gas.density(qj));
+        let share = one - blending.upwind;
         physics::split_form_correction(beta, gamma, face.area) * (share * rho)
     }
 
@@ -429,35 +486,35 @@ impl<G, V: Viscosity> Spatial<G, V> {
     fn viscous_flux<const N: usize>(
         &self,
         on: &Domain<'_>,
-        field: Field<'_, N>,
-        pair: &Between<'_>,
-        [l, r]: [&[f64; N]; 2],
-    ) -> [f64; N]
+        batch: &Batch<N>,
+        [l, r]: [&[Lanes; N]; 2],
+    ) -> [Lanes; N]
     where
         G: Gas<N>,
     {
-        let &Between { face, cells: [i, j], way } = pair;
-        let (qi, qj, gi, gj) = (&field.q[i], &field.q[j], &field.gradient[i], &field.gradient[j]);
+        let Batch { cells, face, way, q: [qi, qj], gradient: [gi, gj] } = batch;
+        let half = Lanes::splat(0.5);
         // Mean gradient, its part along the line of centres replaced by the difference.
         let length2 = way.norm_squared();
-        let mut g = [[0.0; N]; 3];
+        let mut g = [[Lanes::splat(0.0); N]; 3];
         for v in 0..N {
             for d in 0..3 {
-                g[d][v] = 0.5 * (gi[d][v] + gj[d][v]);
+                g[d][v] = half * (gi[d][v] + gj[d][v]);
             }
-            let missing = (qj[v] - qi[v] - gradient::along(&g, v, &way)) / length2;
+            let missing = (qj[v] - qi[v] - gradient::along(&g, v, way)) / length2;
             for d in 0..3 {
                 g[d][v] += missing * way[d];
             }
         }
         let u = gradient::of_velocity(&g);
-        let h = 0.5 * (on.metrics.size[i] + on.metrics.size[j]);
-        let mut mu = self.viscosity.dynamic(self.gas.density(l), &u, h);
+        let size = half * (value(&on.metrics.size, &cells[0]) + value(&on.metrics.size, &cells[1]));
+        let mut mu = self.viscosity.dynamic(self.gas.density(l), &u, size);
         if self.viscosity.transported() {
-            mu = face_viscosity([on.working[i], on.working[j]], mu);
+            let (a, b) = (value(on.working, &cells[0]), value(on.working, &cells[1]));
+            [mu, ..] = lane_by_lane([mu, a, b], |[mu, a, b]| [face_viscosity([a, b], mu), a, b]);
         }
         let force = physics::stress_force(mu, &u, face.area);
-        let work = force.dot(&((velocity(l) + velocity(r)) * 0.5));
+        let work = force.dot(&((velocity(l) + velocity(r)) * half));
         let mut flux = self.gas.conduction(mu, |v| gradient::along(&g, v, &face.area), work);
         flux[1..4].copy_from_slice(force.as_slice());
         flux

@@ -58,7 +58,7 @@ impl Mirrored {
         // The mean gradient of the cell and its image has no part along the normal but that of the normal velocity.
         let (mut step, mut mean) = ([0.0; N], [0.0; N]);
         (step[1], mean[1]) = (2.0 * half, along.dot(&normal));
-        let upwind = f64::from(Blending::sensed(&step, &mean, 0.0, 0.0).upwind);
+        let upwind = Blending::sensed(&step, &mean, 0.0, 0.0).upwind;
         Self { pressure, density: gas.density(q), velocity: u, towards, beta, missing_slope, upwind }
     }
 

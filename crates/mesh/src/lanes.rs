@@ -3,7 +3,7 @@
 //! A kernel written for [`Real`] is one formula for one element and for [`LANES`] of them. Each lane has the operations of the single element
 //! in the same order, so the same digits.
 
-use nalgebra::{SimdRealField, Vector3};
+use nalgebra::{SimdRealField, SimdValue, Vector3};
 use simba::simd::WideF64x4;
 
 /// Elements in a batch.
@@ -31,11 +31,32 @@ pub fn lane_by_lane<const N: usize>(e: [Lanes; N], one: impl Fn([f64; N]) -> [f6
     std::array::from_fn(|i| lanes(|l| results[l][i]))
 }
 
+/// Components of the rows of the elements of a batch.
+#[inline(always)]
+pub fn columns<const N: usize>(rows: [&[f64; N]; LANES]) -> [Lanes; N] {
+    let [a, b, c, d] = rows;
+    let mut columns = [Lanes::splat(0.0); N];
+    for (v, column) in columns.iter_mut().enumerate() {
+        *column = Lanes::from_arr([a[v], b[v], c[v], d[v]]);
+    }
+    columns
+}
+
+/// The numbers of the elements `at` of an array.
+#[inline(always)]
+pub fn value(x: &[f64], at: &[usize; LANES]) -> Lanes {
+    Lanes::from_arr([x[at[0]], x[at[1]], x[at[2]], x[at[3]]])
+}
+
+/// The rows of the elements `at` of an array, component by component.
+#[inline(always)]
+pub fn rows<const N: usize>(x: &[[f64; N]], at: &[usize; LANES]) -> [Lanes; N] {
+    columns([&x[at[0]], &x[at[1]], &x[at[2]], &x[at[3]]])
+}
+
 /// Vectors of nodes `nodes` of a flat array, shape `[nodes][3]`.
 #[inline(always)]
 pub fn gather(x: &[[f64; 3]], nodes: &[u32; LANES]) -> Vector3<Lanes> {
     let [a, b, c, d] = *nodes;
-    let rows = [x[a as usize], x[b as usize], x[c as usize], x[d as usize]];
-    let component = |i: usize| Lanes::from_arr([rows[0][i], rows[1][i], rows[2][i], rows[3][i]]);
-    Vector3::new(component(0), component(1), component(2))
+    rows(x, &[a as usize, b as usize, c as usize, d as usize]).into()
 }

@@ -1,6 +1,8 @@
 //! Geometry of the grid for the residual, in flat arrays.
 
 use comm::Halo;
+use mesh::lanes::{LANES, Lanes, Real, columns};
+use nalgebra::Vector3;
 
 use super::face::{self, FaceShape};
 use super::vec3::Vec3;
@@ -39,6 +41,43 @@ impl FaceMetric {
     #[inline(always)]
     pub fn offset(&self) -> Vec3 {
         self.offset.map(f64::from).into()
+    }
+
+    /// All of it in double precision.
+    #[inline(always)]
+    pub fn geometry(&self) -> FaceGeometry<f64> {
+        let Self { area, grid_flux, .. } = *self;
+        FaceGeometry { area, grid_flux, spacing: self.spacing(), offset: self.offset() }
+    }
+}
+
+/// A face, or each face of a batch; see [`FaceMetric`].
+#[derive(Clone, Copy, Debug)]
+pub struct FaceGeometry<T: Real> {
+    /// Area vector from the first cell to the second, m2.
+    pub area: Vector3<T>,
+    /// Volume swept by the moving face in unit time, along `area`, m3/s.
+    pub grid_flux: T,
+    /// Distance of the two cell centres along the normal, m.
+    pub spacing: T,
+    /// From the centre of the first cell to the centre of area of the face, m.
+    pub offset: Vector3<T>,
+}
+
+impl FaceGeometry<Lanes> {
+    /// Each of these faces.
+    #[inline(always)]
+    pub fn batch(faces: [&FaceMetric; LANES]) -> Self {
+        let [a, b, c, d] = faces;
+        let double = |f: &FaceMetric| [f.offset[0], f.offset[1], f.offset[2], f.spacing].map(f64::from);
+        let area = columns([&a.area, &b.area, &c.area, &d.area].map(|area| area.as_ref()));
+        let [x, y, z, spacing] = columns([&double(a), &double(b), &double(c), &double(d)]);
+        Self {
+            area: area.into(),
+            grid_flux: Lanes::from_arr([a.grid_flux, b.grid_flux, c.grid_flux, d.grid_flux]),
+            spacing,
+            offset: Vector3::new(x, y, z),
+        }
     }
 }
 

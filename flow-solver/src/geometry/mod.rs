@@ -4,4 +4,4 @@ pub mod face;
 mod metrics;
 pub mod vec3;
 
-pub use metrics::{FaceMetric, Metrics};
+pub use metrics::{FaceGeometry, FaceMetric, Metrics};

@@ -14,8 +14,10 @@
 //! wavelength. Near walls, at rims
 //! and at the outer boundary the flux stays upwind, see [`crate::topology::Topology::upwind`], and at [uneven faces](uneven).
 
+use mesh::lanes::Real;
+use nalgebra::Vector3;
+
 use super::velocity;
-use crate::geometry::vec3::Vec3;
 
 /// Upwind share of an unresolved difference. Taylor-Green vortex at Re 1600 on 64 cells per wavelength, energy compared with the
 /// reference at t = 5, 9, 12: -0.1, -3.0, -0.1 % with 0.5; -0.2, -2.0, +2.6 % with 1.
@@ -27,8 +29,13 @@ const UPWIND_COURANT: f64 = 5.0;
 
 /// Smallest upwind share at a Courant number (over the leading coefficient of the time derivative).
 #[inline(always)]
-pub fn unresolved_in_time(courant: f64) -> f64 {
-    (courant / UPWIND_COURANT).powi(4).min(1.0)
+pub fn unresolved_in_time<T: Real>(courant: T) -> T {
+    fourth_power(courant / T::splat(UPWIND_COURANT)).simd_min(T::splat(1.0))
+}
+
+#[inline(always)]
+fn fourth_power<T: Real>(x: T) -> T {
+    (x * x) * (x * x)
 }
 
 /// Distance of the centre of a face from the middle between the centres of its cells, over the distance of these centres, at which the
@@ -40,18 +47,18 @@ const UPWIND_UNEVENNESS: f64 = 0.35;
 /// Smallest upwind share of a face whose centre is `offset` (m) from the first of its two cells, whose centres are `way` (m) apart. An even grid
 /// has none, a grid that is stretched by a tenth from cell to cell 5e-10; 1 % of the faces around the ATPS on 46 500 cells pass the threshold.
 #[inline(always)]
-pub fn uneven(offset: &Vec3, way: &Vec3) -> f64 {
-    let unevenness2 = (offset - way * 0.5).norm_squared() / way.norm_squared();
-    (unevenness2 / (UPWIND_UNEVENNESS * UPWIND_UNEVENNESS)).powi(4).min(1.0)
+pub fn uneven<T: Real>(offset: &Vector3<T>, way: &Vector3<T>) -> T {
+    let unevenness2 = (offset - way * T::splat(0.5)).norm_squared() / way.norm_squared();
+    fourth_power(unevenness2 / T::splat(UPWIND_UNEVENNESS * UPWIND_UNEVENNESS)).simd_min(T::splat(1.0))
 }
 
 /// Blending of the flux through a face. It is the same in all iterations of a step, so that the residual stays smooth.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Blending {
+pub struct Blending<T = f32> {
     /// Upwind share of what the mass flux carries, and of the velocity diffusion: 1 is upwind, 0 central.
-    pub upwind: f32,
+    pub upwind: T,
     /// Half the jump of the resolved pressure, which pressure diffusion leaves out, Pa.
-    pub resolved: f32,
+    pub resolved: T,
 }
 
 impl Default for Blending {
@@ -63,43 +70,47 @@ impl Default for Blending {
 impl Blending {
     /// Upwind flux with full pressure diffusion.
     pub const UPWIND: Self = Self { upwind: 1.0, resolved: 0.0 };
+}
 
+impl<T: Real> Blending<T> {
     /// Blending for a face between cells whose states differ by `step`, where their mean gradient predicts `along`;
     /// `half`: half the jump of the reconstructed pressure, Pa; `least`: smallest upwind share.
     #[inline(always)]
-    pub fn sensed<const N: usize>(step: &[f64; N], along: &[f64; N], half: f64, least: f64) -> Self {
+    pub fn sensed<const N: usize>(step: &[T; N], along: &[T; N], half: T, least: T) -> Self {
+        let [zero, one] = [0.0, 1.0].map(T::splat);
         let (du, dg) = (velocity(step), velocity(along));
         let mut r2 = unresolved((du - dg).norm_squared(), du.norm_squared() + dg.norm_squared());
         if N > 4 {
-            r2 = r2.max(of_scalar(step[N - 1], along[N - 1]));
+            r2 = r2.simd_max(of_scalar(step[N - 1], along[N - 1]));
         }
-        let resolved = (1.0 - of_scalar(step[0], along[0])) * (1.0 - least).max(0.0);
-        Self { upwind: (UNRESOLVED * r2 * r2).max(least) as f32, resolved: (resolved * half) as f32 }
+        let resolved = (one - of_scalar(step[0], along[0])) * (one - least).simd_max(zero);
+        Self { upwind: (T::splat(UNRESOLVED) * r2 * r2).simd_max(least), resolved: resolved * half }
     }
 
     /// Half the jump of pressure that is diffused, of the half jump `half`, Pa: what was resolved at the start of the
     /// step is left out. Linear in the pressure, so that the pressure correction sees all of the diffusion.
     #[inline(always)]
-    pub fn diffused(self, half: f64) -> f64 {
-        half - f64::from(self.resolved)
+    pub fn diffused(self, half: T) -> T {
+        half - self.resolved
     }
 }
 
 /// Sensor of one variable.
 #[inline(always)]
-fn of_scalar(step: f64, along: f64) -> f64 {
+fn of_scalar<T: Real>(step: T, along: T) -> T {
     unresolved((step - along) * (step - along), step * step + along * along)
 }
 
 /// Ratio of two squares, 0 where both vanish, at most 1.
 #[inline(always)]
-fn unresolved(difference: f64, sum: f64) -> f64 {
-    (difference / (sum + f64::MIN_POSITIVE)).min(1.0)
+fn unresolved<T: Real>(difference: T, sum: T) -> T {
+    (difference / (sum + T::splat(f64::MIN_POSITIVE))).simd_min(T::splat(1.0))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::vec3::Vec3;
 
     /// Difference and mean gradient, of fourth order, of a wave of velocity and pressure with `cells` cells per wavelength, at the
     /// face at `phase`.
@@ -120,11 +131,8 @@ mod tests {
                 let rho = half.cos().powi(2) * (4.0 - whole.cos()) / 3.0;
                 let r2 = (1.0 - rho).powi(2) / (1.0 + rho * rho);
                 let found = Blending::sensed(&step, &along, 3.0, 0.0);
-                assert!((f64::from(found.upwind) - 0.5 * r2 * r2).abs() < 1e-7, "{cells} {phase}: {found:?}");
-                assert!(
-                    (f64::from(found.resolved) - 3.0 * (1.0 - r2)).abs() < 1e-6,
-                    "{cells} {phase}: {found:?}"
-                );
+                assert!((found.upwind - 0.5 * r2 * r2).abs() < 1e-7, "{cells} {phase}: {found:?}");
+                assert!((found.resolved - 3.0 * (1.0 - r2)).abs() < 1e-6, "{cells} {phase}: {found:?}");
             }
         }
     }
@@ -151,7 +159,7 @@ mod tests {
     #[test]
     fn smallest_share_of_one_is_the_upwind_scheme() {
         let (step, along) = wave(8.0, 0.3);
-        assert_eq!(Blending::sensed(&step, &along, 2.0, 1.0), Blending::UPWIND);
+        assert_eq!(Blending::sensed(&step, &along, 2.0, 1.0), Blending { upwind: 1.0, resolved: 0.0 });
     }
 
     /// With the energy equation a jump of temperature in a uniform stream is not resolved.

@@ -19,10 +19,13 @@
 //!   $`U_u = \min(c, U)`$. With the unsteady one it would swamp the momentum
 //!   equation whenever the time step is small.
 
+use mesh::lanes::Real;
+use nalgebra::Vector3;
+
 use super::blending::Blending;
 use super::gas::Gas;
 use super::velocity;
-use crate::geometry::FaceMetric;
+use crate::geometry::FaceGeometry;
 use crate::geometry::vec3::Vec3;
 
 /// Weight of the velocity diffusion: the interface pressure lacks a quarter of $`\rho U [u_n]`$, half of what the
@@ -59,17 +62,18 @@ impl FluxParameters {
     /// cell centres along the normal, m; `speed`: speed of the air relative to the frame, m/s.
     #[inline(always)]
     pub(super) fn rhie_chow(&self, previous: [f32; 2], push: f64, spacing: f64, speed: f64) -> f64 {
-        let (held, resistance) = self.resistance(previous, spacing, speed);
+        let (held, resistance) = self.resistance(previous.map(f64::from), spacing, speed);
         (push - held) / resistance
     }
 
     /// History term of the Rhie-Chow equation, Pa, and its resistance without viscosity (the coefficient of the new value), m/s: see
     /// [`FluxParameters::rhie_chow`].
     #[inline(always)]
-    pub(crate) fn resistance(&self, previous: [f32; 2], spacing: f64, speed: f64) -> (f64, f64) {
-        let held = self.rhie_chow[1] * f64::from(previous[0]) + self.rhie_chow[2] * f64::from(previous[1]);
-        let fade = FADING * (speed + 10.0 * self.floor_squared.sqrt());
-        (spacing * held, spacing * self.rhie_chow[0] + fade)
+    pub(crate) fn resistance<T: Real>(&self, previous: [T; 2], spacing: T, speed: T) -> (T, T) {
+        let [new, one, two] = self.rhie_chow.map(T::splat);
+        let held = one * previous[0] + two * previous[1];
+        let fade = T::splat(FADING) * (speed + T::splat(10.0 * self.floor_squared.sqrt()));
+        (spacing * held, spacing * new + fade)
     }
 }
 
@@ -100,54 +104,74 @@ pub struct FaceFlux {
     pub blending: Blending,
 }
 
-/// Numerical flux through a face.
-#[derive(Clone, Copy, Debug)]
-pub struct Interface<const N: usize> {
-    /// Fluxes of the conserved quantities along the area vector.
-    pub flux: [f64; N],
-    /// Mass flux, kg/s.
-    pub mass: f64,
-    /// Rhie-Chow flux, kg/(m2 s).
-    pub rhie_chow: f64,
-}
-
-/// Flux through a face between the states `l` and `r` on its two sides; of `kept`, the stored flux of the face, it reads
-/// the history and the blending.
-#[inline(always)]
-pub fn interface<G: Gas<N>, const N: usize>(
-    gas: &G,
-    scheme: &FluxParameters,
-    l: &[f64; N],
-    r: &[f64; N],
-    face: &FaceMetric,
-    kept: &FaceFlux,
-) -> Interface<N> {
-    let FaceFlux { previous, blending, .. } = *kept;
-    let share = f64::from(blending.upwind);
-    let s = face.area;
-    let mean = (velocity(l) + velocity(r)) * 0.5;
-    let speed = relative_speed(scheme, mean);
-    let volume = mean.dot(&s) - face.grid_flux;
-    let upwind = |x: f64| if x > 0.0 { l } else { r };
-    let rho = gas.density(upwind(volume));
-    let c2 = gas.sound_speed_squared(upwind(volume));
-    let half = 0.5 * (l[0] - r[0]);
-    let push = scheme.pressure_diffusion * blending.diffused(half);
-    let (held, resistance) = scheme.resistance(previous, face.spacing(), speed);
-    let friction = VISCOUS_RESISTANCE * scheme.kinematic_viscosity / face.spacing().max(f64::MIN_POSITIVE);
-    let rhie_chow = (push - held) / (resistance + friction);
-    let mass = rho * volume + face.magnitude() * (rhie_chow + half / c2.sqrt());
-    let (up, down) = if mass > 0.0 { (l, r) } else { (r, l) };
-    let mut carried = gas.carried(up);
-    if share < 1.0 {
-        for (c, d) in carried.iter_mut().zip(gas.carried(down)) {
-            *c += 0.5 * (1.0 - share) * (d - *c);
+impl FaceFlux {
+    /// What a new flux depends on.
+    #[inline(always)]
+    pub fn history(&self) -> FaceHistory<f64> {
+        let Blending { upwind, resolved } = self.blending;
+        FaceHistory {
+            previous: self.previous.map(f64::from),
+            blending: Blending { upwind: f64::from(upwind), resolved: f64::from(resolved) },
         }
     }
+}
+
+/// What the flux through a face, or through each face of a batch, depends on besides its state and shape; see [`FaceFlux`].
+#[derive(Clone, Copy, Debug)]
+pub struct FaceHistory<T> {
+    /// Rhie-Chow flux at the last two accepted time levels, newest first, kg/(m2 s).
+    pub previous: [T; 2],
+    /// Upwind share and resolved pressure, of the step.
+    pub blending: Blending<T>,
+}
+
+/// Numerical flux through a face, or through each face of a batch.
+#[derive(Clone, Copy, Debug)]
+pub struct Interface<T, const N: usize> {
+    /// Fluxes of the conserved quantities along the area vector.
+    pub flux: [T; N],
+    /// Mass flux, kg/s.
+    pub mass: T,
+    /// Rhie-Chow flux, kg/(m2 s).
+    pub rhie_chow: T,
+}
+
+/// Flux through a face between the states `l` and `r` on its two sides.
+#[inline(always)]
+pub fn interface<T: Real, G: Gas<N>, const N: usize>(
+    gas: &G,
+    scheme: &FluxParameters,
+    l: &[T; N],
+    r: &[T; N],
+    face: &FaceGeometry<T>,
+    history: &FaceHistory<T>,
+) -> Interface<T, N> {
+    let [zero, half, one] = [0.0, 0.5, 1.0].map(T::splat);
+    let &FaceHistory { previous, blending } = history;
+    let &FaceGeometry { area: s, grid_flux, spacing, .. } = face;
+    let magnitude = s.norm();
+    let upwind = |flux: T| -> [T; N] { std::array::from_fn(|v| l[v].select(flux.simd_gt(zero), r[v])) };
+    let mean = (velocity(l) + velocity(r)) * half;
+    let speed = relative_speed(scheme, mean);
+    let volume = mean.dot(&s) - grid_flux;
+    let from = upwind(volume);
+    let (rho, c2) = (gas.density(&from), gas.sound_speed_squared(&from));
+    let half_jump = half * (l[0] - r[0]);
+    let push = T::splat(scheme.pressure_diffusion) * blending.diffused(half_jump);
+    let (held, resistance) = scheme.resistance(previous, spacing, speed);
+    let friction = T::splat(VISCOUS_RESISTANCE * scheme.kinematic_viscosity)
+        / spacing.simd_max(T::splat(f64::MIN_POSITIVE));
+    let rhie_chow = (push - held) / (resistance + friction);
+    let mass = rho * volume + magnitude * (rhie_chow + half_jump / c2.simd_sqrt());
+    let mut carried = gas.carried(&upwind(mass));
+    let down = gas.carried(&upwind(-mass));
+    for (c, d) in carried.iter_mut().zip(down) {
+        *c += half * (one - blending.upwind) * (d - *c);
+    }
     let jump = (velocity(r) - velocity(l)).dot(&s);
-    let diffusion = share * scheme.velocity_diffusion * rho * speed * jump / face.magnitude();
-    let p = 0.5 * (l[0] + r[0] - diffusion);
-    let mut flux = gas.pressure_flux(p, s, face.grid_flux);
+    let diffusion = blending.upwind * T::splat(scheme.velocity_diffusion) * rho * speed * jump / magnitude;
+    let p = half * (l[0] + r[0] - diffusion);
+    let mut flux = gas.pressure_flux(p, s, grid_flux);
     for (f, c) in flux.iter_mut().zip(carried) {
         *f += mass * c;
     }
@@ -167,21 +191,22 @@ pub fn interface<G: Gas<N>, const N: usize>(
 /// `beta`, `gamma`: half the difference of the farther neighbour and the near cell, behind the first cell and behind the second, m/s.
 /// It vanishes with the square of the distance on any grid, and for a uniform stream.
 #[inline(always)]
-pub fn split_form_correction(beta: Vec3, gamma: Vec3, s: Vec3) -> Vec3 {
+pub fn split_form_correction<T: Real>(beta: Vector3<T>, gamma: Vector3<T>, s: Vector3<T>) -> Vector3<T> {
     let (bn, cn) = (beta.dot(&s), gamma.dot(&s));
-    (beta * bn + gamma * cn) * (-1.0 / 6.0) - (beta + gamma) * ((bn + cn) / 36.0)
+    (beta * bn + gamma * cn) * T::splat(-1.0 / 6.0) - (beta + gamma) * ((bn + cn) / T::splat(36.0))
 }
 
 /// Flux through a wall at gauge pressure `p`: no mass.
 #[inline(always)]
-pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f64) -> Interface<N> {
+pub fn wall<G: Gas<N>, const N: usize>(gas: &G, p: f64, area: Vec3, grid_flux: f64) -> Interface<f64, N> {
     Interface { flux: gas.pressure_flux(p, area, grid_flux), mass: 0.0, rhie_chow: 0.0 }
 }
 
 /// Speed relative to the frame, bounded from below.
 #[inline(always)]
-pub(crate) fn relative_speed(scheme: &FluxParameters, u: Vec3) -> f64 {
-    ((u - scheme.frame).norm_squared() + scheme.floor_squared).sqrt()
+pub(crate) fn relative_speed<T: Real>(scheme: &FluxParameters, u: Vector3<T>) -> T {
+    let frame = scheme.frame.map(T::splat);
+    ((u - frame).norm_squared() + T::splat(scheme.floor_squared)).simd_sqrt()
 }
 
 #[cfg(test)]
@@ -204,11 +229,8 @@ mod tests {
     }
 
     /// A face of 2 m2 along x.
-    #[allow(clippy::field_reassign_with_default, reason = "its other fields are private")]
-    fn face() -> FaceMetric {
-        let mut face = FaceMetric::default();
-        face.area = Vec3::new(2.0, 0.0, 0.0);
-        face
+    fn face() -> FaceGeometry<f64> {
+        FaceGeometry { area: Vec3::new(2.0, 0.0, 0.0), grid_flux: 0.0, spacing: 0.0, offset: Vec3::zeros() }
     }
 
     /// Two states of equal pressure with velocities 3 and 2 m/s along the normal of a face of 2 m2: mass by the
@@ -219,7 +241,7 @@ mod tests {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([7.0, 3.0, 0.0, 0.0], [7.0, 2.0, 0.0, 0.0]);
-        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default());
+        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default().history());
         let rho = gas.density(&l);
         let mass = rho * 2.5 * 2.0;
         assert!((found.mass - mass).abs() < 1e-12 * mass && found.rhie_chow == 0.0, "{found:?}");
@@ -236,7 +258,7 @@ mod tests {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
         let face = face();
         let (l, r) = ([10.0, 0.0, 0.0, 1.0], [4.0, 0.0, 0.0, 1.0]);
-        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default());
+        let found = interface(&gas, &scheme(), &l, &r, &face, &FaceFlux::default().history());
         // A spacing of zero leaves what fades: 2 (U + 10 floor), U = 0.5, floor = 0.5.
         let rhie_chow = 3.0 * 3.0 / (2.0 * (0.5 + 5.0));
         let sound = gas.sound_speed_squared(&r).sqrt();

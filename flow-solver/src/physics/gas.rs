@@ -1,5 +1,8 @@
 //! Ideal gas, with and without its energy equation.
 
+use mesh::lanes::Real;
+use nalgebra::Vector3;
+
 use crate::geometry::vec3::Vec3;
 
 /// Undisturbed air.
@@ -32,16 +35,16 @@ pub trait Gas<const N: usize>: Copy + 'static {
     /// Undisturbed air moving at `wind`, m/s.
     fn undisturbed(&self, wind: Vec3) -> [f64; N];
     /// Density, kg/m3.
-    fn density(&self, q: &[f64; N]) -> f64;
+    fn density<T: Real>(&self, q: &[T; N]) -> T;
     /// Squared speed of sound of the model, m2/s2.
-    fn sound_speed_squared(&self, q: &[f64; N]) -> f64;
+    fn sound_speed_squared<T: Real>(&self, q: &[T; N]) -> T;
     /// What a unit of mass carries into its volume: 1, velocity[, energy, J/kg].
     fn stored(&self, q: &[f64; N]) -> [f64; N];
     /// What a unit of mass carries through a face: 1, velocity[, enthalpy, J/kg].
-    fn carried(&self, q: &[f64; N]) -> [f64; N];
+    fn carried<T: Real>(&self, q: &[T; N]) -> [T; N];
     /// Momentum (and work) that gauge pressure `p` passes through a face of area
     /// vector `area` that sweeps `grid_flux` (m3/s).
-    fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; N];
+    fn pressure_flux<T: Real>(&self, p: T, area: Vector3<T>, grid_flux: T) -> [T; N];
     /// Change of the pressure's part of the flux when pressure alone changes by
     /// `dp`, through an area vector that the air crosses at `volume_flux` (m3/s).
     fn pressure_change(&self, dp: f64, area: Vec3, volume_flux: f64) -> [f64; N];
@@ -61,7 +64,7 @@ pub trait Gas<const N: usize>: Copy + 'static {
     fn time_matrix(&self, q: &[f64; N], compressibility: Option<f64>) -> [[f64; N]; N];
     /// Heat flux into the energy row for a temperature gradient along the face:
     /// `conductivity * gradient`; nothing without an energy equation.
-    fn conduction(&self, viscosity: f64, gradient: impl Fn(usize) -> f64, work: f64) -> [f64; N];
+    fn conduction<T: Real>(&self, viscosity: T, gradient: impl Fn(usize) -> T, work: T) -> [T; N];
 }
 
 /// Four equations: temperature stays that of the undisturbed air,
@@ -84,24 +87,24 @@ impl Gas<4> for Isothermal {
         [0.0, wind[0], wind[1], wind[2]]
     }
     #[inline(always)]
-    fn density(&self, q: &[f64; 4]) -> f64 {
-        self.density + q[0] * self.inverse_rt
+    fn density<T: Real>(&self, q: &[T; 4]) -> T {
+        T::splat(self.density) + q[0] * T::splat(self.inverse_rt)
     }
     #[inline(always)]
-    fn sound_speed_squared(&self, _: &[f64; 4]) -> f64 {
-        1.0 / self.inverse_rt
+    fn sound_speed_squared<T: Real>(&self, _: &[T; 4]) -> T {
+        T::splat(1.0 / self.inverse_rt)
     }
     #[inline(always)]
     fn stored(&self, q: &[f64; 4]) -> [f64; 4] {
         [1.0, q[1], q[2], q[3]]
     }
     #[inline(always)]
-    fn carried(&self, q: &[f64; 4]) -> [f64; 4] {
-        [1.0, q[1], q[2], q[3]]
+    fn carried<T: Real>(&self, q: &[T; 4]) -> [T; 4] {
+        [T::splat(1.0), q[1], q[2], q[3]]
     }
     #[inline(always)]
-    fn pressure_flux(&self, p: f64, area: Vec3, _: f64) -> [f64; 4] {
-        [0.0, p * area[0], p * area[1], p * area[2]]
+    fn pressure_flux<T: Real>(&self, p: T, area: Vector3<T>, _: T) -> [T; 4] {
+        [T::splat(0.0), p * area[0], p * area[1], p * area[2]]
     }
     #[inline(always)]
     fn pressure_change(&self, dp: f64, area: Vec3, _: f64) -> [f64; 4] {
@@ -128,8 +131,8 @@ impl Gas<4> for Isothermal {
         m
     }
     #[inline(always)]
-    fn conduction(&self, _: f64, _: impl Fn(usize) -> f64, _: f64) -> [f64; 4] {
-        [0.0; 4]
+    fn conduction<T: Real>(&self, _: T, _: impl Fn(usize) -> T, _: T) -> [T; 4] {
+        [T::splat(0.0); 4]
     }
 }
 
@@ -154,13 +157,13 @@ impl IdealGas {
     }
 
     #[inline(always)]
-    fn temperature(&self, q: &[f64; 5]) -> f64 {
-        self.air.temperature + q[4]
+    fn temperature<T: Real>(&self, q: &[T; 5]) -> T {
+        T::splat(self.air.temperature) + q[4]
     }
 
     #[inline(always)]
-    fn energy(&self, q: &[f64; 5]) -> f64 {
-        self.cv * q[4] + 0.5 * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+    fn energy<T: Real>(&self, q: &[T; 5]) -> T {
+        T::splat(self.cv) * q[4] + T::splat(0.5) * (q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     }
 }
 
@@ -169,25 +172,27 @@ impl Gas<5> for IdealGas {
         [0.0, wind[0], wind[1], wind[2], 0.0]
     }
     #[inline(always)]
-    fn density(&self, q: &[f64; 5]) -> f64 {
-        (self.pressure + q[0]) / (self.air.gas_constant * self.temperature(q))
+    fn density<T: Real>(&self, q: &[T; 5]) -> T {
+        (T::splat(self.pressure) + q[0]) / (T::splat(self.air.gas_constant) * self.temperature(q))
     }
     #[inline(always)]
-    fn sound_speed_squared(&self, q: &[f64; 5]) -> f64 {
-        self.air.gamma * self.air.gas_constant * self.temperature(q)
+    fn sound_speed_squared<T: Real>(&self, q: &[T; 5]) -> T {
+        T::splat(self.air.gamma * self.air.gas_constant) * self.temperature(q)
     }
     #[inline(always)]
     fn stored(&self, q: &[f64; 5]) -> [f64; 5] {
         [1.0, q[1], q[2], q[3], self.energy(q)]
     }
     #[inline(always)]
-    fn carried(&self, q: &[f64; 5]) -> [f64; 5] {
+    fn carried<T: Real>(&self, q: &[T; 5]) -> [T; 5] {
         // H = E + p / rho
-        [1.0, q[1], q[2], q[3], self.energy(q) + self.air.gas_constant * self.temperature(q)]
+        let enthalpy = self.energy(q) + T::splat(self.air.gas_constant) * self.temperature(q);
+        [T::splat(1.0), q[1], q[2], q[3], enthalpy]
     }
     #[inline(always)]
-    fn pressure_flux(&self, p: f64, area: Vec3, grid_flux: f64) -> [f64; 5] {
-        [0.0, p * area[0], p * area[1], p * area[2], (self.pressure + p) * grid_flux]
+    fn pressure_flux<T: Real>(&self, p: T, area: Vector3<T>, grid_flux: T) -> [T; 5] {
+        let absolute = T::splat(self.pressure) + p;
+        [T::splat(0.0), p * area[0], p * area[1], p * area[2], absolute * grid_flux]
     }
     #[inline(always)]
     fn pressure_change(&self, dp: f64, area: Vec3, volume_flux: f64) -> [f64; 5] {
@@ -226,8 +231,9 @@ impl Gas<5> for IdealGas {
         m
     }
     #[inline(always)]
-    fn conduction(&self, viscosity: f64, gradient: impl Fn(usize) -> f64, work: f64) -> [f64; 5] {
-        [0.0, 0.0, 0.0, 0.0, viscosity * self.cp / PRANDTL * gradient(4) + work]
+    fn conduction<T: Real>(&self, viscosity: T, gradient: impl Fn(usize) -> T, work: T) -> [T; 5] {
+        let [zero, cp, prandtl] = [0.0, self.cp, PRANDTL].map(T::splat);
+        [zero, zero, zero, zero, viscosity * cp / prandtl * gradient(4) + work]
     }
 }
 
@@ -345,7 +351,7 @@ mod tests {
         check_sound(&Isothermal::new(air), [120.0, 3.0, -2.0, 5.0]);
         check_sound(&IdealGas::new(air), [120.0, 3.0, -2.0, 5.0, 30.0]);
         assert!((air.pressure() - 1.225 * 287.05 * 288.15).abs() < 1e-8);
-        assert!((Isothermal::new(air).sound_speed_squared(&[0.0; 4]) - 287.05 * 288.15).abs() < 1e-6);
+        assert!((Isothermal::new(air).sound_speed_squared(&[0.0f64; 4]) - 287.05 * 288.15).abs() < 1e-6);
         let cp = 3.5 * 287.05;
         let heat = IdealGas::new(air).conduction(2e-5, |v| if v == 4 { 30.0 } else { f64::NAN }, 0.25);
         assert!((heat[4] - (2e-5 * cp / 0.72 * 30.0 + 0.25)).abs() < 1e-12, "{heat:?}");

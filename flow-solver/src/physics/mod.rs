@@ -3,6 +3,8 @@
 //! Unknowns are primitive, $`Q = (p', u, v, w[, T'])`$: gauge pressure relative to
 //! the undisturbed air (so no digits are lost at Mach 0.014), velocity relative
 //! to the ground, temperature difference from the undisturbed air.
+//!
+//! What the loop over faces calls is written for one face and for a batch of them ([`mesh::lanes::Real`]).
 
 mod blending;
 mod flux;
@@ -16,7 +18,8 @@ mod viscosity;
 pub use blending::{Blending, uneven, unresolved_in_time};
 pub(crate) use flux::relative_speed;
 pub use flux::{
-    FaceFlux, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, split_form_correction, wall,
+    FaceFlux, FaceHistory, FluxParameters, Interface, VELOCITY_DIFFUSION, interface, split_form_correction,
+    wall,
 };
 pub use gas::{Air, Gas, IdealGas, Isothermal};
 pub use law_of_the_wall::{WallLaw, WallTreatment, velocity_ratio, velocity_slope};
@@ -28,10 +31,11 @@ pub use viscosity::{
     wall_traction,
 };
 
-use crate::geometry::vec3::Vec3;
+use mesh::lanes::Real;
+use nalgebra::Vector3;
 
 /// Velocity of the state `q`, m/s.
 #[inline(always)]
-pub fn velocity<const N: usize>(q: &[f64; N]) -> Vec3 {
-    Vec3::new(q[1], q[2], q[3])
+pub fn velocity<T: Real, const N: usize>(q: &[T; N]) -> Vector3<T> {
+    Vector3::new(q[1], q[2], q[3])
 }

@@ -44,7 +44,7 @@ mod tests {
     #[test]
     fn preconditioner_is_the_physical_jacobian_at_sonic_speed() {
         let gas = IdealGas::new(Air::new(1.225, 288.15));
-        let q = [10.0, 1.0, 2.0, 3.0, 0.5];
+        let q = [10.0f64, 1.0, 2.0, 3.0, 0.5];
         let c = gas.sound_speed_squared(&q).sqrt();
         let (a, b) = (preconditioner(&gas, &q, c), gas.jacobian(&q));
         for r in 0..5 {
@@ -58,7 +58,7 @@ mod tests {
     #[test]
     fn pseudo_acoustic_speed_scales_with_the_flow_speed() {
         let gas = Isothermal::new(Air::new(1.225, 288.15));
-        let c = gas.sound_speed_squared(&[0.0; 4]).sqrt();
+        let c = gas.sound_speed_squared(&[0.0f64; 4]).sqrt();
         assert!(spectral_radius(1.0, 1.0, c) < 1.7);
         assert_eq!(reference_speed(1.0, 0.1, 100.0, 0.0, c), 10.0);
         assert_eq!(reference_speed(1.0, 0.1, 1e9, 0.0, c), c);

@@ -1,7 +1,10 @@
 //! Viscous stress: none, laminar, or with an eddy viscosity.
 
+use mesh::lanes::Real;
+use nalgebra::{Matrix3, Vector3};
+
 use super::WallTreatment;
-use crate::geometry::vec3::{Mat3, Vec3};
+use crate::geometry::vec3::Vec3;
 
 /// How the stress at a face follows from the velocity gradient. Loops over faces are compiled for each; what calls
 /// them holds a [`ViscosityModel`].
@@ -16,7 +19,7 @@ pub trait Viscosity: Copy + Into<ViscosityModel> {
     }
     /// Dynamic viscosity (Pa s) at density `rho` (kg/m3), velocity gradient
     /// `g` (1/s, row: direction, column: component) and cell size `h` (m).
-    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64;
+    fn dynamic<T: Real>(&self, rho: T, g: &Matrix3<T>, h: T) -> T;
 }
 
 /// No viscosity.
@@ -26,8 +29,8 @@ pub struct Inviscid;
 impl Viscosity for Inviscid {
     const ACTIVE: bool = false;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
-        0.0
+    fn dynamic<T: Real>(&self, _: T, _: &Matrix3<T>, _: T) -> T {
+        T::splat(0.0)
     }
 }
 
@@ -41,8 +44,8 @@ pub struct Laminar {
 impl Viscosity for Laminar {
     const ACTIVE: bool = true;
     #[inline(always)]
-    fn dynamic(&self, _: f64, _: &Mat3, _: f64) -> f64 {
-        self.viscosity
+    fn dynamic<T: Real>(&self, _: T, _: &Matrix3<T>, _: T) -> T {
+        T::splat(self.viscosity)
     }
 }
 
@@ -76,11 +79,12 @@ impl Viscosity for Turbulent {
         self.eddies == EddyViscosity::TransportInput
     }
     #[inline(always)]
-    fn dynamic(&self, rho: f64, g: &Mat3, h: f64) -> f64 {
+    fn dynamic<T: Real>(&self, rho: T, g: &Matrix3<T>, h: T) -> T {
+        let fluid = T::splat(self.viscosity);
         match self.eddies {
-            EddyViscosity::Smagorinsky => self.viscosity + smagorinsky(rho, g, h),
-            EddyViscosity::Wale => self.viscosity + wale(rho, g, h),
-            EddyViscosity::TransportInput => self.viscosity,
+            EddyViscosity::Smagorinsky => fluid + smagorinsky(rho, g, h),
+            EddyViscosity::Wale => fluid + wale(rho, g, h),
+            EddyViscosity::TransportInput => fluid,
         }
     }
 }
@@ -145,43 +149,44 @@ impl From<Turbulent> for ViscosityModel {
 
 /// Smagorinsky (1963): $`\mu_t = \rho (C_s h)^2 |S|`$, with $`C_s = 0.17`$, Pa s; arguments as in
 /// [`Viscosity::dynamic`].
-pub fn smagorinsky(rho: f64, g: &Mat3, h: f64) -> f64 {
-    let mut s2 = 0.0;
+pub fn smagorinsky<T: Real>(rho: T, g: &Matrix3<T>, h: T) -> T {
+    let [mut s2, half, two, constant] = [0.0, 0.5, 2.0, 0.17].map(T::splat);
     for i in 0..3 {
         for j in 0..3 {
-            let s = 0.5 * (g[(i, j)] + g[(j, i)]);
-            s2 += 2.0 * s * s;
+            let s = half * (g[(i, j)] + g[(j, i)]);
+            s2 += two * s * s;
         }
     }
-    rho * (0.17 * h) * (0.17 * h) * s2.sqrt()
+    rho * (constant * h) * (constant * h) * s2.simd_sqrt()
 }
 
 /// WALE (Nicoud and Ducros 1999): $`\mu_t = \rho (C_w h)^2 (S^d{:}S^d)^{3/2} / ((S{:}S)^{5/2} + (S^d{:}S^d)^{5/4})`$
 /// with $`S^d`$ the traceless symmetric part of the squared velocity gradient, Pa s; arguments as in [`Viscosity::dynamic`]. The constant is
 /// that of isotropic turbulence, $`C_w = 0.55`$ (the paper: 0.55 to 0.60; $`C_w^2 = 10.6\, C_s^2`$ with the $`C_s`$ of [`smagorinsky`]). Zero in pure shear, and falling with the cube of the distance to a wall.
-pub fn wale(rho: f64, g: &Mat3, h: f64) -> f64 {
+pub fn wale<T: Real>(rho: T, g: &Matrix3<T>, h: T) -> T {
+    let [zero, half, three, constant] = [0.0, 0.5, 3.0, 0.55].map(T::splat);
     let square = g * g;
-    let third = square.trace() / 3.0;
-    let (mut s2, mut d2) = (0.0, 0.0);
+    let third = square.trace() / three;
+    let (mut s2, mut d2) = (zero, zero);
     for i in 0..3 {
         for j in 0..3 {
-            let s: f64 = 0.5 * (g[(i, j)] + g[(j, i)]);
-            let d = 0.5 * (square[(i, j)] + square[(j, i)]) - if i == j { third } else { 0.0 };
+            let s = half * (g[(i, j)] + g[(j, i)]);
+            let d = half * (square[(i, j)] + square[(j, i)]) - if i == j { third } else { zero };
             s2 += s * s;
             d2 += d * d;
         }
     }
-    let bottom = s2 * s2 * s2.sqrt() + d2 * d2.sqrt().sqrt();
+    let bottom = s2 * s2 * s2.simd_sqrt() + d2 * d2.simd_sqrt().simd_sqrt();
     // Where nothing turns or stretches both are zero.
-    let rate = if bottom > f64::MIN_POSITIVE { d2 * d2.sqrt() / bottom } else { 0.0 };
-    rho * (0.55 * h) * (0.55 * h) * rate
+    let rate = (d2 * d2.simd_sqrt() / bottom).select(bottom.simd_gt(T::splat(f64::MIN_POSITIVE)), zero);
+    rho * (constant * h) * (constant * h) * rate
 }
 
 /// Force of the air on a face of area vector `area` for viscosity `mu` and
 /// velocity gradient `g`: $`\tau\cdot S`$ with Stokes' hypothesis, N.
 #[inline(always)]
-pub fn stress_force(mu: f64, g: &Mat3, area: Vec3) -> Vec3 {
-    let divergence = g.trace() * (2.0 / 3.0);
+pub fn stress_force<T: Real>(mu: T, g: &Matrix3<T>, area: Vector3<T>) -> Vector3<T> {
+    let divergence = g.trace() * T::splat(2.0 / 3.0);
     ((g + g.transpose()) * area - area * divergence) * mu
 }
 
@@ -201,6 +206,7 @@ pub fn along_wall(velocity: Vec3, normal: Vec3) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geometry::vec3::Mat3;
 
     #[test]
     fn couette_shear() {

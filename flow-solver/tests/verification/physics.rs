@@ -91,7 +91,7 @@ fn blended_states<G: Gas<N>, const N: usize>(gas: &G, blending: Blending) {
         if turn {
             std::mem::swap(&mut l, &mut r);
         }
-        let found = physics::interface(gas, &scheme(), &l, &r, &face, &kept);
+        let found = physics::interface(gas, &scheme(), &l, &r, &face.geometry(), &kept.history());
         let unit = face.area * (1.0 / face.area.norm());
         let mean: Vec3 = Vec3::from_fn(|d, _| 0.5 * (l[1 + d] + r[1 + d]));
         let volume = mean.dot(&face.area) - grid_flux;
@@ -109,7 +109,7 @@ fn blended_states<G: Gas<N>, const N: usize>(gas: &G, blending: Blending) {
         let (left, right) = (gas.carried(&l), gas.carried(&r));
         let carried = |v: usize| share * upwind[v] + (1.0 - share) * 0.5 * (left[v] + right[v]);
         near(&found.flux, &std::array::from_fn(|v| mass * carried(v) + push[v]));
-        let wall: physics::Interface<N> = physics::wall(gas, p, face.area, grid_flux);
+        let wall: physics::Interface<f64, N> = physics::wall(gas, p, face.area, grid_flux);
         near(&wall.flux, &push);
         assert_eq!((wall.mass, wall.rhie_chow), (0.0, 0.0));
     }

@@ -34,7 +34,7 @@ impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for FarField {
         q: &[f64; N],
         cell: &[f64; N],
         previous: [f32; 2],
-    ) -> Interface<N> {
+    ) -> Interface<f64, N> {
         let scheme = at.scheme;
         let open = OpenFace::new(at);
         let far = gas.undisturbed(scheme.wind);

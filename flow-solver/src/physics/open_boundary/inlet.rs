@@ -10,7 +10,14 @@ use crate::physics::gas::Gas;
 pub struct Inlet;
 
 impl<G: Gas<N>, const N: usize> OpenBoundary<G, N> for Inlet {
-    fn flux(&self, gas: &G, at: &BoundaryFace<'_>, q: &[f64; N], _: &[f64; N], _: [f32; 2]) -> Interface<N> {
+    fn flux(
+        &self,
+        gas: &G,
+        at: &BoundaryFace<'_>,
+        q: &[f64; N],
+        _: &[f64; N],
+        _: [f32; 2],
+    ) -> Interface<f64, N> {
         let open = OpenFace::new(at);
         let far = gas.undisturbed(at.scheme.wind);
         let mut entering = far;

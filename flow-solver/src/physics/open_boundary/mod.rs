@@ -50,7 +50,7 @@ pub trait OpenBoundary<G: Gas<N>, const N: usize>: Sync {
         q: &[f64; N],
         cell: &[f64; N],
         previous: [f32; 2],
-    ) -> Interface<N>;
+    ) -> Interface<f64, N>;
 
     /// Derivative of the mass flux by the cell's pressure, kg/(s Pa). Pressure acts on a velocity for `response`, s;
     /// sound is as fast as `sound`, m/s.
@@ -110,7 +110,7 @@ impl OpenFace {
         q: &[f64; N],
         far: &[f64; N],
         passing: Passing,
-    ) -> Interface<N> {
+    ) -> Interface<f64, N> {
         let mass = passing.momentum * self.magnitude - gas.density(q) * self.grid_flux;
         let carried = gas.carried(if mass > 0.0 { q } else { far });
         let mut flux = gas.pressure_flux(passing.pressure, self.area, self.grid_flux);
