@@ -110,8 +110,8 @@ fn smooth<const F: usize, S: Real>(
     let width = 1 + F * MODES;
     let row_of = |j: usize| {
         let row = &tentative[j * width..(j + 1) * width];
-        let block = |f: usize, m: usize| row[1 + f * MODES + m];
-        (row[0] >= 0.0).then_some((row[0] as u64, block))
+        let block = row[1..].as_chunks::<MODES>().0.first_chunk::<F>();
+        block.filter(|_| row[0] >= 0.0).map(|block| (row[0] as u64, block))
     };
     let mut p = CoarseRows::default();
     let mut sums: Vec<(u64, [[f64; MODES]; F])> = Vec::new();
@@ -126,14 +126,13 @@ fn smooth<const F: usize, S: Real>(
                     sums.push((coarse, [[0.0; MODES]; F]));
                     sums.len() - 1
                 });
-                let sum = &mut sums[at].1;
-                for r in 0..F {
-                    for c in 0..F {
-                        let v = a.values[s][r][c].to_f64();
-                        for m in 0..MODES {
-                            sum[r][m] += v * t(c, m);
-                        }
+                for (sum, a) in sums[at].1.iter_mut().zip(&a.values[s]) {
+                    let mut row = *sum;
+                    for (a, t) in a.iter().zip(t) {
+                        let a = a.to_f64();
+                        (0..MODES).for_each(|m| row[m] += a * t[m]);
                     }
+                    *sum = row;
                 }
             }
             for (coarse, sum) in &mut sums {
@@ -145,7 +144,7 @@ fn smooth<const F: usize, S: Real>(
                         }
                     }
                     if *coarse == own {
-                        (0..MODES).for_each(|m| block[r][m] += t(r, m));
+                        (0..MODES).for_each(|m| block[r][m] += t[r][m]);
                     }
                 }
                 p.cols.push(*coarse);

@@ -159,7 +159,7 @@ fn triple_product<const F: usize, S: Real>(
         ap.clear();
         for s in a.row(i) {
             let j = a.cols()[s] as usize;
-            let block = &a.values[s];
+            let block = a.values[s].map(|row| row.map(S::to_f64));
             let (cols, values) = rows.row(p, j);
             for (&col, pj) in cols.iter().zip(values) {
                 let at = &mut place[col as usize];
@@ -167,32 +167,46 @@ fn triple_product<const F: usize, S: Real>(
                     *at = ap.len() as u32;
                     ap.push((col, [[0.0; MODES]; F]));
                 }
-                let sum = &mut ap[*at as usize].1;
-                for r in 0..F {
-                    for c in 0..F {
-                        for m in 0..MODES {
-                            sum[r][m] = block[r][c].to_f64().fused(pj[c][m], sum[r][m]);
-                        }
-                    }
-                }
+                add_product(&mut ap[*at as usize].1, &block, pj);
             }
         }
         for (&row, pi) in own.iter().zip(own_values) {
             for (col, product) in &ap {
-                let sum = sums.block(row as usize, *col);
-                for f in 0..F {
-                    for m in 0..MODES {
-                        for k in 0..MODES {
-                            sum[m][k] = pi[f][m].fused(product[f][k], sum[m][k]);
-                        }
-                    }
-                }
+                add_transposed_product(sums.block(row as usize, *col), pi, product);
             }
         }
         ap.iter().for_each(|(col, _)| place[*col as usize] = u32::MAX);
     }
 
     sums
+}
+
+/// `sum += a b`, row by row, which stay in registers.
+#[inline(always)]
+fn add_product<const F: usize>(sum: &mut [[f64; MODES]; F], a: &[[f64; F]; F], b: &[[f64; MODES]; F]) {
+    for (sum, a) in sum.iter_mut().zip(a) {
+        let mut row = *sum;
+        for (a, b) in a.iter().zip(b) {
+            for m in 0..MODES {
+                row[m] = a.fused(b[m], row[m]);
+            }
+        }
+        *sum = row;
+    }
+}
+
+/// `sum += a^T b`, likewise.
+#[inline(always)]
+fn add_transposed_product<const F: usize>(sum: &mut Block, a: &[[f64; MODES]; F], b: &[[f64; MODES]; F]) {
+    for (m, sum) in sum.iter_mut().enumerate() {
+        let mut row = *sum;
+        for (a, b) in a.iter().zip(b) {
+            for k in 0..MODES {
+                row[k] = a[m].fused(b[k], row[k]);
+            }
+        }
+        *sum = row;
+    }
 }
 
 /// Rows that belong to other ranks travel to their owners, who add them. Collective.
