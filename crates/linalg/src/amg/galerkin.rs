@@ -195,7 +195,7 @@ fn add_product<const F: usize>(sum: &mut [[f64; MODES]; F], a: &[[f64; F]; F], b
     }
 }
 
-/// `sum += a^T b`, likewise.
+/// `sum += a^T b`, also in vectors.
 #[inline(always)]
 fn add_transposed_product<const F: usize>(sum: &mut Block, a: &[[f64; MODES]; F], b: &[[f64; MODES]; F]) {
     for (m, sum) in sum.iter_mut().enumerate() {
