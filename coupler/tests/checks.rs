@@ -46,6 +46,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("pattern-conical/scene.toml", &[]),
     ("plate-gmsh/scene.toml", &[]),
     ("square-drop/scene.toml", &["descent.drag-coefficient"]),
+    ("validation/compliant-disk/scene.toml", &[]),
     ("validation/disk-gap-band/scene.toml", &[]),
     ("validation/flexible-cavity/scene.toml", &[]),
     ("validation/inverted-flag/scene.toml", &[]),

@@ -1,5 +1,7 @@
 //! Checks of the fabric: mass, thickness, strain under load.
 
+use case::Law;
+
 use super::facts::{Facts, digits, percent};
 use super::finding::Judged;
 use super::finding::Severity::{self, Error, Note, Warning};
@@ -45,10 +47,13 @@ pub const CHECKS: &[Check] = &[
         what: "the estimated strain is within the range of the material model",
         estimate: "Green strain E = p R / (E_Y t) of a wrinkled canopy of radius R = width / 2 that carries the load \
                    pressure p along one direction (exact for a cylinder of St. Venant-Kirchhoff fabric); peaks at seams \
-                   and line attachments are about four times it (ATPS: 0.16 estimated, 0.63 in the run)",
+                   and line attachments are about four times it (ATPS: 0.16 estimated, 0.63 in the run). With law = \
+                   \"neo-hookean\" the stretch (1 - 3 p R / (E_Y t))^(-1/3) of such a cylinder",
         range: "St. Venant-Kirchhoff is valid to a Green strain of 0.1 to 0.2: warning above 0.1; error above 5, \
-                beyond all textiles even if the estimate is three times too large",
-        source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the model is softer than any measured cloth",
+                beyond all textiles even if the estimate is three times too large. Neo-Hookean: warning above a stretch of \
+                1.5, and where the cylinder has no equilibrium, from 3 p R = E_Y t on",
+        source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the model is softer than any measured cloth. Rubber in \
+                 tension follows the neo-Hookean law to a stretch of about 1.5 (Treloar, The Physics of Rubber Elasticity)",
         severity: Error,
         remedy: "check fabric.youngs_modulus_pa (nylon cloth: 2e8 to 2e9 Pa) and thickness_m; if the soft modulus is \
                  intended, as in the paper's ATPS, strains and stresses are those of the model, not of a real cloth",
@@ -174,6 +179,9 @@ fn strain(f: &Facts<'_>) -> Vec<Judged> {
         return Vec::new();
     }
     let strain = green_strain(p, 0.5 * f.numbers.width, fabric.softest_modulus_pa() * fabric.thickness_m);
+    if fabric.law == Law::NeoHookean {
+        return vec![neo_hookean_stretch(strain, p, load)];
+    }
     let figure = format!(
         "a Green strain of about {} (stretch {}) under {} Pa, {load}; peak values are about four times higher",
         digits(strain),
@@ -181,6 +189,22 @@ fn strain(f: &Facts<'_>) -> Vec<Judged> {
         digits(p)
     );
     vec![Judged::new(outside(strain, [0.0, 0.1], [0.0, 5.0]), "fabric.youngs_modulus_pa", figure)]
+}
+
+/// Stretch $`\lambda`$ of a wrinkled neo-Hookean cylinder, whose stress in the reference shape is $`S = \tfrac13 E_Y (1 - \lambda^{-3})`$:
+/// $`\lambda = (1 - 3 p r / (E_Y t))^{-1/3}`$, from the strain of [`green_strain`] under `p`.
+fn neo_hookean_stretch(strain: f64, p: f64, load: &str) -> Judged {
+    let stretch = (1.0 - 3.0 * strain).powf(-1.0 / 3.0);
+    let (severity, found) = if stretch.is_finite() {
+        let severity = if stretch > 1.5 { Warning } else { Note };
+        (severity, format!("a stretch of about {}", digits(stretch)))
+    } else {
+        let found =
+            format!("p R is {} of E_Y t, and a cylinder has no equilibrium above a third", percent(strain));
+        (Warning, found)
+    };
+    let figure = format!("{found} under {} Pa, {load}; peak values are higher", digits(p));
+    Judged::new(severity, "fabric.youngs_modulus_pa", figure)
 }
 
 fn strength(f: &Facts<'_>) -> Vec<Judged> {

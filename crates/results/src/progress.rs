@@ -247,11 +247,12 @@ fn state(kind: StageKind, drag_of: &str, row: &Row) -> Vec<String> {
             format!("{:.3} m/s", row.descent_speed_m_s),
             format!("fallen {:.1} m", row.trajectory.map_or(0.0, |t| -t.position_m[2])),
         ],
-        StageKind::Coupled => vec![
-            format!("{:.3} m/s", row.descent_speed_m_s),
-            drag(drag_of, row.drag_n, 0),
-            counted(u64::from(row.report.iterations), "iteration"),
-        ],
+        StageKind::Coupled => {
+            // A frame at rest has no speed.
+            let speed = (row.descent_speed_m_s != 0.0).then(|| format!("{:.3} m/s", row.descent_speed_m_s));
+            let rest = [drag(drag_of, row.drag_n, 0), counted(u64::from(row.report.iterations), "iteration")];
+            speed.into_iter().chain(rest).collect()
+        }
     }
 }
 
@@ -308,6 +309,9 @@ mod tests {
         let parts = parts(StageKind::Coupled, "canopy", &row, 20, 8.3, Some(1.46));
         let line = fitted("[descent] ", &parts, WIDTH);
         assert_eq!(line, "[descent] 17/20 | t 0.085 s | ETA 1.5 s | 3.975 m/s | drag 55 N | 3 iterations");
+        row.descent_speed_m_s = 0.0;
+        let parts = super::parts(StageKind::Coupled, "canopy", &row, 20, 8.3, Some(1.46));
+        assert_eq!(parts[3..], ["drag 55 N", "3 iterations", "wall 8.3 s"]);
     }
 
     #[test]

@@ -434,11 +434,13 @@ impl StageSummary {
                 format!("  {}: descent speed {:.4} m/s at the end; {}", s.name, s.descent_speed_m_s, s.ended)
             }
             StageKind::Coupled => format!(
-                "  {}: descent speed {:.4} m/s (mean of the last half {:.4}), drag {:.1} N (mean {:.1}), \
-                 projected area {:.2} m2{created}; interface energy error {:.2e} J ({:+.1} % of the work){}{}{rejected}; {}",
+                "  {}: {}drag {:.1} N (mean of the last half {:.1}), projected area {:.2} m2{created}; interface energy error {:.2e} J ({:+.1} % of the work){}{}{rejected}; {}",
                 s.name,
-                s.descent_speed_m_s,
-                s.mean_descent_speed_m_s,
+                // A frame at rest has no speed.
+                match [s.descent_speed_m_s, s.mean_descent_speed_m_s] {
+                    [0.0, 0.0] => String::new(),
+                    [end, mean] => format!("descent speed {end:.4} m/s (mean of the last half {mean:.4}), "),
+                },
                 s.drag_n,
                 s.mean_drag_n,
                 s.projected_area_m2,
