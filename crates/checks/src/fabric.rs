@@ -51,9 +51,9 @@ pub const CHECKS: &[Check] = &[
                    \"neo-hookean\" the stretch (1 - 3 p R / (E_Y t))^(-1/3) of such a cylinder",
         range: "St. Venant-Kirchhoff is valid to a Green strain of 0.1 to 0.2: warning above 0.1; error above 5, \
                 beyond all textiles even if the estimate is three times too large. Neo-Hookean: warning above a stretch of \
-                1.5, and where the cylinder has no equilibrium, from 3 p R = E_Y t on",
+                1.5, and where the cylinder has no equilibrium, from 3 p R = E_Y t on; error above p R = 5 E_Y t",
         source: "nylon cloth breaks at 20 to 40 % elongation; above 0.2 the model is softer than any measured cloth. Rubber in \
-                 tension follows the neo-Hookean law to a stretch of about 1.5 (Treloar, The Physics of Rubber Elasticity)",
+                 tension follows the neo-Hookean law to a stretch of about 1.5 (Treloar, The Physics of Rubber Elasticity, from memory)",
         severity: Error,
         remedy: "check fabric.youngs_modulus_pa (nylon cloth: 2e8 to 2e9 Pa) and thickness_m; if the soft modulus is \
                  intended, as in the paper's ATPS, strains and stresses are those of the model, not of a real cloth",
@@ -201,7 +201,8 @@ fn neo_hookean_stretch(strain: f64, p: f64, load: &str) -> Judged {
     } else {
         let found =
             format!("p R is {} of E_Y t, and a cylinder has no equilibrium above a third", percent(strain));
-        (Warning, found)
+        // A modulus in a wrong unit is refused as with the other law.
+        (if strain > 5.0 { Error } else { Warning }, found)
     };
     let figure = format!("{found} under {} Pa, {load}; peak values are higher", digits(p));
     Judged::new(severity, "fabric.youngs_modulus_pa", figure)
