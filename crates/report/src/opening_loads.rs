@@ -14,6 +14,8 @@ pub(super) const OPENING: &str = "Opening. Line stretch: the riser force reaches
 
 /// Of a canopy that is not filled.
 const STILL: &str = "still filling at the end of the stage";
+/// Where the stream is too slow for a force coefficient.
+const STOPPED: &str = "none: the stream falls below a fifth of its speed at line stretch";
 
 /// The largest force of the opening, with its factor; `None` where no stage opens the canopy.
 pub(super) fn card(run: &Run) -> Option<Card> {
@@ -60,6 +62,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
     let o = Opening::of_history(stage.columns.all(), &reference)?;
     let given = |value: Option<f64>, none: &str| value.map_or_else(|| none.to_owned(), digits);
     let open = STILL;
+    let no_coefficient = if o.opened_s.is_some() { STOPPED } else { STILL };
     let mut rows = vec![
         ("nominal diameter D0, m", digits(o.nominal_diameter_m)),
         ("mass ratio m/(rho D0^3)", given(o.mass_ratio, "infinite: confluence point held")),
@@ -71,8 +74,11 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ("largest force of the risers, N", digits(o.largest_force_n)),
         ("its time, s", digits(o.largest_force_s)),
         ("the same over q S0", digits(o.largest_force_share)),
-        ("largest force coefficient, force over q S0 of the same moment", given(o.largest_coefficient, open)),
-        ("its time, s", given(o.largest_coefficient_s, open)),
+        (
+            "largest force coefficient, force over q S0 of the same moment",
+            given(o.largest_coefficient, no_coefficient),
+        ),
+        ("its time, s", given(o.largest_coefficient_s, no_coefficient)),
     ];
     let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
     if let Some(area) = drag_area(last.columns.all(), of(last)?.density_kg_m3) {
@@ -90,7 +96,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ));
         rows.push((
             "inflation factor, largest force coefficient over that drag coefficient",
-            given(o.largest_coefficient.map(|c| c / coefficient), open) + open_drag,
+            given(o.largest_coefficient.map(|c| c / coefficient), no_coefficient) + open_drag,
         ));
         if let Some(mass) = reference.mass_kg {
             rows.push(("ballistic coefficient m/(CD S), kg/m2", digits(mass / area)));

@@ -7,7 +7,8 @@
 //!   open canopy on $`S_0`$ it is the opening force coefficient $`C_X X_1`$.
 //! - **Force coefficient** of the moment, $`C_F = F / (q S_0)`$ with the dynamic pressure of the same window. Its largest value from line stretch to a quarter of the filling
 //!   time after the first full opening, over the drag coefficient of the open canopy, is the inflation factor of Lingard: that of a canopy in a wind tunnel, from which
-//!   the payload's loss of speed is taken out.
+//!   the payload's loss of speed is taken out. Where the stream falls below a fifth of its speed at line stretch in that time, the canopy carries the air that it holds and not
+//!   the stream, and there is no such coefficient.
 
 use coupling::interface::CanopyInterface;
 use serde::{Deserialize, Serialize};
@@ -24,6 +25,9 @@ const FULL: f64 = 0.9;
 const HELD: f64 = 0.1;
 /// Time after the first full opening in which the force coefficient has its largest value, as a share of the filling time: the force of a canopy in a wind tunnel follows its area by a tenth.
 const AFTER: f64 = 0.25;
+
+/// Least share of the speed at line stretch at which forces are compared with the dynamic pressure of the same window.
+const STREAMING: f64 = 0.2;
 
 /// Air and canopy that the figures of an opening refer to.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -80,7 +84,8 @@ pub struct Opening {
     pub largest_force_s: f64,
     /// The same over dynamic pressure at line stretch and nominal area.
     pub largest_force_share: f64,
-    /// Largest force coefficient $`F / (q S_0)`$ with the dynamic pressure of the same window; `None` where the canopy is still opening at the end.
+    /// Largest force coefficient $`F / (q S_0)`$ with the dynamic pressure of the same window; `None` where the canopy is still opening at the end, and
+    /// where the stream falls below a fifth of its speed at line stretch.
     pub largest_coefficient: Option<f64>,
     /// Its time, s.
     pub largest_coefficient_s: Option<f64>,
@@ -116,8 +121,9 @@ impl Opening {
         let coefficient = full.and_then(|k| {
             let until = time[k] + AFTER * (time[k] - time[start]);
             let windows = start..time.iter().position(|t| *t > until).unwrap_or(time.len());
+            let streams = speeds[windows.clone()].iter().all(|v| *v >= STREAMING * speed);
             let values: Vec<f64> = windows.map(|k| force[k] / area_force(speeds[k])).collect();
-            largest(&values).map(|(k, value)| (time[start + k], value))
+            largest(&values).filter(|_| streams).map(|(k, value)| (time[start + k], value))
         });
         Some(Self {
             line_stretch_s: time[start],
@@ -236,6 +242,19 @@ mod tests {
         assert!(o.largest_coefficient_s.unwrap() > o.largest_force_s + 0.02, "{o:?}");
         assert!(found > 1.5 * o.largest_force_share, "{o:?}");
         assert!(o.line().contains("with q of the moment"), "{}", o.line());
+    }
+
+    /// A payload that the canopy stops, and that bounces: no dynamic pressure to divide by, and no coefficient.
+    #[test]
+    fn a_payload_that_stops_has_no_force_coefficient() {
+        for (slowest, stated) in [(4.1, true), (3.9, false), (-2.0, false)] {
+            let mut columns = history(3.0);
+            let late: Vec<bool> = columns[3].1.iter().map(|t| *t > 0.9).collect();
+            columns[0].1.iter_mut().zip(late).filter(|(_, late)| *late).for_each(|(v, _)| *v = slowest);
+            let o = Opening::of_history(&columns, &REFERENCE).expect("an opening");
+            assert_eq!(o.largest_coefficient.is_some(), stated, "{slowest} m/s: {o:?}");
+            assert_eq!(o.line().contains("with q of the moment"), stated, "{}", o.line());
+        }
     }
 
     /// The drag area of a canopy with a constant drag of 6 kN in air of 20 m/s.
