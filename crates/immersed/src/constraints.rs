@@ -68,6 +68,20 @@ impl FluxConstraints {
         self.leak.push(AIRTIGHT);
     }
 
+    /// Adds the rows of `other` after its own.
+    pub fn append(&mut self, other: &Self) {
+        let first = self.faces.len();
+        self.offsets.extend(other.offsets[1..].iter().map(|at| first + at));
+        self.faces.extend_from_slice(&other.faces);
+        self.weights.extend_from_slice(&other.weights);
+        self.target.extend_from_slice(&other.target);
+        self.permeability.extend_from_slice(&other.permeability);
+        self.leak.extend_from_slice(&other.leak);
+        for (own, other) in self.cells.iter_mut().zip(&other.cells) {
+            *own = own.start.min(other.start)..own.end.max(other.end);
+        }
+    }
+
     pub(crate) fn entries(&self, row: usize) -> impl Iterator<Item = (&(u8, usize), &f64)> {
         let range = self.offsets[row]..self.offsets[row + 1];
         self.faces[range.clone()].iter().zip(&self.weights[range])

@@ -65,18 +65,27 @@ pub struct PredictedFluxes {
     pub(crate) speeds: Vec<f64>,
 }
 
-/// An accepted step that [`Flow::return_to_prediction`] or [`Flow::return_to_start`] may undo, and all steps after it.
+impl PredictedFluxes {
+    /// The same after [`Flow::flux_changes`] of the steps before.
+    #[must_use]
+    pub fn changed_by(mut self, changes: &[f64]) -> Self {
+        self.fluxes.iter_mut().zip(changes).for_each(|(flux, change)| *flux += change);
+        self
+    }
+}
+
+/// An accepted step that [`Flow::return_to_start`] may undo, and all steps after it.
 #[derive(Clone, Debug)]
 struct KeptStep {
     /// Velocity at its start, rates of the step before it, and its own.
     velocity: Velocity,
     before: Velocity,
     rates: Velocity,
-    /// Predicted velocity next to walls ([`Flow::predict_around`]).
-    at_walls: Vec<(u8, usize, f64)>,
     previous_dt: Option<f64>,
-    dt: f64,
 }
+
+/// Changes of the pressure jumps of earlier steps, which the velocity of a step does not have yet, with their rows.
+pub type EarlierChanges<'a> = (&'a FluxConstraints, &'a [f64]);
 
 /// Flow on a Cartesian grid. On several ranks its calls are collective.
 #[derive(Debug)]
@@ -98,10 +107,10 @@ pub struct Flow {
     /// Rates of the step that is predicted, and its velocity before pressure and surface; empty or not in use where none is predicted.
     rates: Velocity,
     pub(crate) predicted: Velocity,
-    /// Component, position and value of the predicted velocities that friction has changed.
-    at_walls: Vec<(u8, usize, f64)>,
     /// Time step over density times the pressure of the last accepted step, or that of the predicted velocity; without ghosts.
     pub(crate) pressure: Vec<f64>,
+    /// Room for the pressure of a step while jumps of earlier steps change its velocity.
+    own_pressure: Vec<f64>,
     /// Pressures of the plane below the own ones.
     pub(crate) below: Vec<f64>,
     /// Whether the pressure is that of the predicted velocity.
@@ -154,12 +163,12 @@ impl Flow {
             previous_dt: None,
             rates: Velocity::default(),
             predicted: Velocity::default(),
-            at_walls: Vec::new(),
             has_predicted_pressure: false,
             kept: None,
             spare: Vec::new(),
             work: ConstraintWork::default(),
             pressure: vec![0.0; grid.count()],
+            own_pressure: Vec::new(),
             jump: Vec::new(),
             dt: 0.0,
             eddies: None,
@@ -195,8 +204,7 @@ impl Flow {
     }
 
     /// Lets the velocity of the far field change with height: at `start` and `end` of the next step it is that of each height z (m, in the grid), m/s. The vertical
-    /// component must be the same at all heights, because the flow is incompressible. To be set before each prediction of a step, and before
-    /// [`Self::return_to_prediction`].
+    /// component must be the same at all heights, because the flow is incompressible. To be set before each prediction of a step.
     pub fn set_far_by_height(
         &mut self,
         start: impl Fn(f64) -> Vector3<f64>,
@@ -289,11 +297,8 @@ impl Flow {
             self.extrapolate(&own);
         }
         self.add_change_of_far_field();
-        self.at_walls.clear();
         if let Some(friction) = friction {
             friction.apply(self.settings.density, viscosity, dt, &own, &mut self.predicted);
-            let changed = friction.values(&own).map(|(c, at)| (c, at, self.predicted[c as usize][at]));
-            self.at_walls.extend(changed);
         }
         self.close_prediction();
         let mut predicted = std::mem::take(&mut self.predicted);
@@ -322,7 +327,7 @@ impl Flow {
     /// Frees the arrays that no accepted step needs; the next prediction allocates them again.
     pub fn release_arrays(&mut self) {
         self.release_kept();
-        self.spare = Vec::new();
+        (self.spare, self.own_pressure) = Default::default();
         (self.rates, self.predicted) = Default::default();
         if let Some(device) = &mut self.device {
             device.release_arrays();
@@ -372,33 +377,6 @@ impl Flow {
         }
         let unused = std::mem::replace(&mut self.predicted, predicted);
         self.recycle(unused);
-    }
-
-    /// Returns to the prediction of the step that was kept, after it and others were accepted: solutions of its constraints by
-    /// [`Self::solve_constraints_from`] come next.
-    ///
-    /// # Panics
-    /// No step was kept.
-    pub fn return_to_prediction(&mut self) {
-        if let Some(mut device) = self.device.take() {
-            self.return_to_prediction_on(&mut device);
-            self.device = Some(device);
-            return;
-        }
-        let kept = self.kept.take().expect("a step that is kept");
-        (self.dt, self.at_walls) = (kept.dt, kept.at_walls);
-        let rates = std::mem::replace(&mut self.rates, kept.rates);
-        self.recycle(rates);
-        self.restart_from(kept.velocity, kept.before, kept.previous_dt);
-        let planes = self.slabs.own();
-        let own = self.slabs.positions(planes.start as isize..planes.end as isize);
-        self.extrapolate(&own);
-        self.add_change_of_far_field();
-        for (c, at, value) in &self.at_walls {
-            self.predicted[*c as usize][*at] = *value;
-        }
-        self.close_prediction();
-        self.has_predicted_pressure = false;
     }
 
     /// Returns to the start of the step that was kept; without one nothing changes.
@@ -466,12 +444,22 @@ impl Flow {
 
     /// Ends the step with the pressure jumps of the constraints.
     pub fn accept(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
+        self.accept_after(rows, jumps, None);
+    }
+
+    /// As [`Self::accept`], of a step whose prediction started before pressure jumps of `earlier` steps changed. They change its velocity, and not its pressure.
+    pub fn accept_after(
+        &mut self,
+        rows: &FluxConstraints,
+        jumps: &PressureJumps,
+        earlier: Option<EarlierChanges<'_>>,
+    ) {
         if let Some(mut device) = self.device.take() {
-            self.end_on(&mut device, rows, jumps, false);
+            self.end_on(&mut device, (rows, jumps), earlier, false);
             self.device = Some(device);
             return;
         }
-        let arrays = self.end_step(rows, jumps);
+        let arrays = self.end_step(rows, jumps, earlier);
         arrays.into_iter().for_each(|array| self.recycle(array));
     }
 
@@ -479,37 +467,47 @@ impl Flow {
     /// their start.
     pub fn accept_and_keep(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) {
         if let Some(mut device) = self.device.take() {
-            self.end_on(&mut device, rows, jumps, true);
+            self.end_on(&mut device, (rows, jumps), None, true);
             self.device = Some(device);
             return;
         }
         let previous_dt = self.previous_dt;
-        let [velocity, before] = self.end_step(rows, jumps);
-        self.kept = Some(KeptStep {
-            velocity,
-            before,
-            rates: std::mem::take(&mut self.before),
-            at_walls: std::mem::take(&mut self.at_walls),
-            previous_dt,
-            dt: self.dt,
-        });
+        let [velocity, before] = self.end_step(rows, jumps, None);
+        self.kept = Some(KeptStep { velocity, before, rates: std::mem::take(&mut self.before), previous_dt });
     }
 
     /// Ends the step; returns velocity and rates of the step before.
-    fn end_step(&mut self, rows: &FluxConstraints, jumps: &PressureJumps) -> [Velocity; 2] {
-        let volume: f64 = self.grid.axes.iter().map(|a| a.spacing).product();
-        let factor = -self.dt / self.settings.density / volume;
-        for (row, jump) in jumps.jump.iter().enumerate() {
-            rows.spread(&mut self.predicted, row, factor * jump);
-        }
+    fn end_step(
+        &mut self,
+        rows: &FluxConstraints,
+        jumps: &PressureJumps,
+        earlier: Option<EarlierChanges<'_>>,
+    ) -> [Velocity; 2] {
         let mut velocity = std::mem::take(&mut self.predicted);
+        self.add_impulses(rows, &jumps.jump, &mut velocity);
+        if let Some((rows, changes)) = earlier {
+            self.solve_pressure(&velocity);
+            self.own_pressure.clone_from(&self.pressure);
+            self.add_impulses(rows, changes, &mut velocity);
+        }
         self.remove_divergence(&mut velocity);
+        if earlier.is_some() {
+            std::mem::swap(&mut self.pressure, &mut self.own_pressure);
+        }
         self.has_predicted_pressure = false;
         let velocity = std::mem::replace(&mut self.velocity, velocity);
         self.fill_ghosts();
         self.previous_dt = Some(self.dt);
         let rates = std::mem::take(&mut self.rates);
         [velocity, std::mem::replace(&mut self.before, rates)]
+    }
+
+    /// Adds the velocity changes at the faces of `rows` by pressure jumps there, Pa.
+    fn add_impulses(&self, rows: &FluxConstraints, jumps: &[f64], velocity: &mut Velocity) {
+        let factor = self.factor();
+        for (row, jump) in jumps.iter().enumerate() {
+            rows.spread(velocity, row, -factor * jump);
+        }
     }
 
     /// Least and largest pressure of the last accepted step, Pa; zero in the far field.

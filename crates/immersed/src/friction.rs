@@ -197,12 +197,6 @@ impl Friction {
         self.sides.iter_mut().zip(forces).for_each(|(side, force)| side.force = *force);
     }
 
-    /// Component and position of the values at the positions `own` that [`Self::apply`] changes.
-    pub(crate) fn values<'a>(&'a self, own: &'a Range<usize>) -> impl Iterator<Item = (u8, usize)> + 'a {
-        let of_value = self.sides.chunk_by(|a, b| (a.component, a.at) == (b.component, b.at));
-        of_value.map(|sides| (sides[0].component, sides[0].at)).filter(|(_, at)| own.contains(at))
-    }
-
     /// Adds the forces of the air on the nodes in the last step, N: those of this rank.
     pub fn add_node_forces(&self, faces: &[[u32; 3]], forces: &mut [Vector3<f64>]) {
         for side in &self.sides {

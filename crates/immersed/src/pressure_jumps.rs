@@ -28,6 +28,11 @@ pub struct SolveHistory {
 }
 
 impl SolveHistory {
+    /// Whether it has no solution yet.
+    pub fn is_empty(&self) -> bool {
+        self.jump.is_empty()
+    }
+
     fn push(&mut self, direction: &[f64], product: &[f64], curvature: f64) {
         if self.curvatures.len() < MAX_DIRECTIONS && curvature > 0.0 {
             self.directions.extend_from_slice(direction);
@@ -77,7 +82,7 @@ impl Flow {
     /// Fluxes of the predicted velocity, without divergence, through the faces of `rows`.
     ///
     /// # Panics
-    /// The pressure of the prediction was overwritten since ([`Flow::return_to_prediction`]).
+    /// No step is predicted.
     pub fn predicted_fluxes(&mut self, rows: &FluxConstraints) -> PredictedFluxes {
         assert!(self.has_predicted_pressure, "fluxes are wanted before the step is accepted");
         let part = Part::slab(&self.grid, &self.slabs);
@@ -125,6 +130,22 @@ impl Flow {
         self.work = constraint.work;
         self.jump.clone_from(&jump);
         PressureJumps { jump, iterations, residual }
+    }
+
+    /// Changes of the fluxes of all `rows`, m3/s, by pressure jumps there in one step: those of its velocity without divergence, which later steps start from.
+    pub fn flux_changes(&mut self, rows: &FluxConstraints, jumps: &[f64]) -> Vec<f64> {
+        let mut changes = vec![0.0; rows.len()];
+        if rows.is_empty() {
+            return changes;
+        }
+        let work = std::mem::take(&mut self.work);
+        let mut constraint = Constraint::new(self, rows, work);
+        constraint.apply(jumps, &mut changes);
+        for ((change, leak), jump) in changes.iter_mut().zip(&constraint.work.leak).zip(jumps) {
+            *change = leak * jump - *change;
+        }
+        self.work = constraint.work;
+        changes
     }
 
     /// Air that passes airtight cloth under these jumps in the step, m3/s: the sum of its magnitudes over the rows. What permeable cloth lets pass

@@ -1,5 +1,16 @@
 //! The steps of a window.
+//!
+//! A window is computed once with the canopy at its accepted velocity. All its solutions start from there: convection, viscous stress and friction of each step are those of
+//! that computation, so that the velocity of step k differs from it by what the pressure jumps $`\varphi_j`$ of its solution differ,
+//! ```math
+//! u_k = u_k^0 - \tfrac{\Delta t}{\rho}\, P \sum_{j \le k} C_j^T \left(\varphi_j - \varphi_j^0\right),
+//! ```
+//! with the projection P of the whole flow and the constraints $`C_j`$ of each step. A solution needs the constraints of all steps, but no convection and no projection beyond the
+//! box around the canopy. The load of a window is affine in the motion, and does not depend on earlier solutions.
+//!
+//! Why: `docs/decisions/0084-solutions-of-a-divided-window.md`.
 
+use immersed::constraints::FluxConstraints;
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, PredictedFluxes, PressureJumps};
@@ -86,10 +97,12 @@ pub struct OpenWindow {
     predictions: Vec<AroundCanopy>,
     /// Face of each triangle.
     face_of: Vec<u32>,
-    /// Pressure jumps from which each solution starts, Pa; where several steps are needed.
+    /// Velocities of the faces of the canopy relative to the wind at the start, m/s.
+    start_velocities: Vec<Vector3<f64>>,
+    /// Pressure jumps from which the window starts, Pa; where several steps are needed.
     start_jumps: Vec<f64>,
-    /// Predicted fluxes of the first step, once it is predicted.
-    first: Option<PredictedFluxes>,
+    /// What its solutions start from, once it is predicted.
+    prediction: Option<Prediction>,
     /// What the solutions of the constraints of each step have left for the next ones.
     histories: Vec<SolveHistory>,
     /// Its way through a wind that changes with height.
@@ -99,6 +112,19 @@ pub struct OpenWindow {
     pub speed: f64,
     /// Jumps of the last step of the last solution.
     pub jumps: Option<PressureJumps>,
+}
+
+/// A window with the canopy at its accepted velocity.
+#[derive(Clone, Debug, Default)]
+struct Prediction {
+    /// Predicted fluxes of each step.
+    fluxes: Vec<PredictedFluxes>,
+    /// Constraints of all steps, where there are several.
+    rows: FluxConstraints,
+    /// Pressure jumps of all steps but the last one, Pa, one after the other.
+    jumps: Vec<f64>,
+    /// What the jumps of the last solution differ from these, at all constraints; zero in the last step.
+    changes: Vec<f64>,
 }
 
 /// Solution of a window.
@@ -234,6 +260,7 @@ impl OpenWindow {
             let cut = Cut::from_last(before, &flow.grid, surface, &vertices)?;
             cuts.push(cut);
         }
+        let velocities: Vec<_> = start.velocities.iter().map(|v| v + start.frame).collect();
         let speed = flow.largest_speed(velocity);
         Ok(Self {
             index,
@@ -244,8 +271,9 @@ impl OpenWindow {
             cuts,
             predictions,
             face_of: surface.face_of.clone(),
+            start_velocities: surface.means(&velocities),
             start_jumps: Vec::new(),
-            first: None,
+            prediction: None,
             histories: vec![SolveHistory::default(); count],
             climb: start.climb.clone(),
             courant,
@@ -272,40 +300,78 @@ impl OpenWindow {
 
     /// Solves the window with the mean velocities of the faces relative to the wind, m/s.
     pub fn solve(&mut self, flow: &mut Flow, face_velocities: &[Vector3<f64>]) -> Solution {
+        let mut prediction = self.prediction.take().unwrap_or_else(|| self.predict(flow));
         let count = self.cuts.len();
         let mut solution =
             Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
-        if count > 1 && self.first.is_some() {
-            let _part = timing::part("momentum");
-            self.set_far_field(flow, 0);
-            flow.return_to_prediction();
-            flow.start_from(self.start_jumps.clone());
-        }
+        let _part = timing::part("constraints");
+        prediction.changes.fill(0.0);
+        let mut first = 0;
         for step in 0..count {
-            if step > 0 || self.first.is_none() {
-                self.predict(flow, step, face_velocities.len());
-            }
             let friction = &self.predictions[step].friction_forces;
             solution.forces.iter_mut().zip(friction).for_each(|(sum, f)| *sum += f / count as f64);
-            let cut = &mut self.cuts[step];
-            cut.transfer.fluxes(face_velocities, self.velocity, &mut cut.faces.rows.target);
-            let jumps = {
-                let _part = timing::part("constraints");
-                let (rows, history) = (&cut.faces.rows, Some(&mut self.histories[step]));
-                match &self.first {
-                    Some(first) if step == 0 => flow.solve_constraints_from(rows, first, history),
-                    _ => {
-                        let fluxes = flow.predicted_fluxes(rows);
-                        flow.solve_constraints_from(rows, &fluxes, history)
-                    }
-                }
-            };
+            let mut fluxes = prediction.fluxes[step].clone();
+            if step > 0 {
+                let changes = flow.flux_changes(&prediction.rows, &prediction.changes);
+                fluxes = fluxes.changed_by(&changes[first..]);
+            }
+            let jumps = self.solve_step(flow, step, face_velocities, &fluxes);
             solution.iterations += jumps.iterations;
             solution.residual = jumps.residual.max(solution.residual);
-            solution.leakage = flow.leakage(&cut.faces.rows, &jumps.jump);
+            solution.leakage = flow.leakage(&self.cuts[step].faces.rows, &jumps.jump);
             let share: Vec<f64> = jumps.jump.iter().map(|j| j / count as f64).collect();
             self.cuts[step].transfer.add_forces(&share, &mut solution.forces);
             if step + 1 < count {
+                let changes = &mut prediction.changes[first..];
+                for ((change, jump), predicted) in
+                    changes.iter_mut().zip(&jumps.jump).zip(&prediction.jumps[first..])
+                {
+                    *change = jump - predicted;
+                }
+                first += jumps.jump.len();
+            }
+            self.jumps = Some(jumps);
+        }
+        self.prediction = Some(prediction);
+        solution
+    }
+
+    /// Jumps of one step with these velocities of the faces and predicted fluxes. The first solution of the step starts from the jumps of the step before.
+    fn solve_step(
+        &mut self,
+        flow: &mut Flow,
+        step: usize,
+        velocities: &[Vector3<f64>],
+        fluxes: &PredictedFluxes,
+    ) -> PressureJumps {
+        if step > 0 && self.histories[step].is_empty() {
+            let start = self.cuts[step].faces.transfer(&self.cuts[step - 1].faces, flow.jumps());
+            flow.start_from(start);
+        }
+        let cut = &mut self.cuts[step];
+        cut.transfer.fluxes(velocities, self.velocity, &mut cut.faces.rows.target);
+        flow.solve_constraints_from(&cut.faces.rows, fluxes, Some(&mut self.histories[step]))
+    }
+
+    /// Computes the window with the canopy at its accepted velocity, but for the constraints of its last step.
+    fn predict(&mut self, flow: &mut Flow) -> Prediction {
+        let (count, velocities) = (self.cuts.len(), std::mem::take(&mut self.start_velocities));
+        let mut prediction = Prediction::default();
+        if count > 1 {
+            prediction.rows = FluxConstraints::new(&flow.grid);
+            self.cuts.iter().for_each(|cut| prediction.rows.append(&cut.faces.rows));
+            prediction.changes = vec![0.0; prediction.rows.len()];
+            // One box around the canopy for all.
+            self.cuts.iter_mut().for_each(|cut| cut.faces.rows.cells.clone_from(&prediction.rows.cells));
+        }
+        for step in 0..count {
+            self.predict_step(flow, step, velocities.len());
+            let fluxes = flow.predicted_fluxes(&self.cuts[step].faces.rows);
+            if step + 1 < count {
+                let jumps = {
+                    let _part = timing::part("constraints");
+                    self.solve_step(flow, step, &velocities, &fluxes)
+                };
                 let _part = timing::part("projection");
                 let rows = &self.cuts[step].faces.rows;
                 if step == 0 {
@@ -313,12 +379,11 @@ impl OpenWindow {
                 } else {
                     flow.accept(rows, &jumps);
                 }
-                let next = self.cuts[step + 1].faces.transfer(&self.cuts[step].faces, &jumps.jump);
-                flow.start_from(next);
+                prediction.jumps.extend(jumps.jump);
             }
-            self.jumps = Some(jumps);
+            prediction.fluxes.push(fluxes);
         }
-        solution
+        prediction
     }
 
     /// The far field of one step.
@@ -330,14 +395,11 @@ impl OpenWindow {
     }
 
     /// Convection, viscosity and friction of one step.
-    fn predict(&mut self, flow: &mut Flow, step: usize, faces: usize) {
+    fn predict_step(&mut self, flow: &mut Flow, step: usize, faces: usize) {
         let _part = timing::part("momentum");
         let dt = self.dt / self.cuts.len() as f64;
         self.set_far_field(flow, step);
         self.predictions[step].predict(flow, dt, self.velocity, &self.face_of, faces);
-        if step == 0 {
-            self.first = Some(flow.predicted_fluxes(&self.cuts[0].faces.rows));
-        }
     }
 
     /// Mean friction on the canopy over the steps that were predicted, N.
@@ -359,7 +421,11 @@ impl OpenWindow {
     pub fn accept(mut self, flow: &mut Flow) -> Option<(Cut, AroundCanopy)> {
         let _part = timing::part("projection");
         let (jumps, cut, around) = (self.jumps?, self.cuts.pop()?, self.predictions.pop()?);
-        flow.accept(&cut.faces.rows, &jumps);
+        let prediction = self.prediction?;
+        // A canopy at rest changes nothing.
+        let changed = prediction.changes.iter().any(|change| *change != 0.0);
+        let earlier = changed.then_some((&prediction.rows, &prediction.changes[..]));
+        flow.accept_after(&cut.faces.rows, &jumps, earlier);
         flow.release_kept();
         Some((cut, around))
     }

@@ -7,7 +7,7 @@ use nalgebra::Vector3;
 use super::steps::Extrapolation;
 use super::{Device, DeviceError, DeviceFlow, NoDevice};
 use crate::constraints::FluxConstraints;
-use crate::flow::{Flow, PressureJumps};
+use crate::flow::{EarlierChanges, Flow, PressureJumps};
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 
@@ -98,31 +98,23 @@ impl Flow {
     pub(crate) fn end_on(
         &mut self,
         device: &mut DeviceFlow,
-        rows: &FluxConstraints,
-        jumps: &PressureJumps,
+        (rows, jumps): (&FluxConstraints, &PressureJumps),
+        earlier: Option<EarlierChanges<'_>>,
         keep: bool,
     ) {
         device.end_step(
             &self.grid,
-            rows,
-            (&jumps.jump, self.factor()),
-            keep.then_some((self.previous_dt, self.dt)),
+            [Some((rows, &jumps.jump[..])), earlier],
+            self.factor(),
+            keep.then_some(self.previous_dt),
         );
         self.has_predicted_pressure = false;
         self.previous_dt = Some(self.dt);
     }
 
-    /// [`Flow::return_to_prediction`] on a device.
-    pub(crate) fn return_to_prediction_on(&mut self, device: &mut DeviceFlow) {
-        (self.previous_dt, self.dt) = device.kept_times().expect("a step that is kept");
-        self.set_far_on(device, None);
-        device.return_to_prediction(self.extrapolation());
-        self.has_predicted_pressure = false;
-    }
-
     /// [`Flow::return_to_start`] on a device.
     pub(crate) fn return_to_start_on(&mut self, device: &mut DeviceFlow) {
-        if let Some((previous_dt, _)) = device.kept_times() {
+        if let Some(previous_dt) = device.kept_before() {
             self.previous_dt = previous_dt;
             device.return_to_start();
         }

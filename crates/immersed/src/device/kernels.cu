@@ -191,7 +191,7 @@ struct wall_arguments {
     double *u[3];
     const unsigned *target_component, *target, *offsets;
     const double *distance, *velocity;
-    double *force, *value;
+    double *force;
     double factor, mass_over_dt;
 };
 
@@ -209,20 +209,6 @@ KERNEL(wall) {
         lost += change;
     }
     *u -= lost;
-    a.value[thread] = *u;
-}
-
-// Values that friction had given.
-struct set_walls_arguments {
-    integer threads;
-    double *u[3];
-    const unsigned *target_component, *target;
-    const double *value;
-};
-
-KERNEL(set_walls) {
-    THREAD
-    a.u[a.target_component[thread]][a.target[thread]] = a.value[thread];
 }
 
 // ---- ghosts (grid.rs)

@@ -22,13 +22,12 @@ pub(crate) use steps::DeviceFlow;
 pub const KERNELS: &str = include_str!("kernels.cu");
 
 /// Names of the kernels in [`KERNELS`].
-pub const KERNEL_NAMES: [&str; 23] = [
+pub const KERNEL_NAMES: [&str; 22] = [
     "rates",
     "extrapolate",
     "edges",
     "interrupt",
     "wall",
-    "set_walls",
     "ghosts",
     "outflow",
     "divergence",

@@ -14,6 +14,7 @@ use super::tables::Tables;
 use super::{Address, Device, DeviceError, Product};
 use crate::constraints::FluxConstraints;
 use crate::eddy_viscosity::EddyViscosity;
+use crate::flow::EarlierChanges;
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
@@ -32,22 +33,14 @@ fn addresses(field: &Field) -> [Address; 3] {
     [0, 1, 2].map(|c| field[c].at(0))
 }
 
-/// Predicted velocities that friction has changed.
-#[derive(Debug)]
-struct Walls {
-    friction: DeviceFriction,
-    values: Buffer,
-}
-
 /// A step to which the flow may return.
 #[derive(Debug)]
 struct Kept {
     velocity: Field,
     before: Field,
     rates: Field,
-    walls: Option<Walls>,
-    /// Lengths of the step before it, if there was one, and of it, s.
-    times: (Option<f64>, f64),
+    /// Length of the step before it, if there was one, s.
+    previous_dt: Option<f64>,
 }
 
 /// Largest values of a velocity.
@@ -123,9 +116,8 @@ pub(crate) struct DeviceFlow {
     rates: Field,
     predicted: Field,
     edges: Option<DeviceEdges>,
-    /// Friction of the prediction, and one that may serve again where the surface rests.
-    walls: Option<Walls>,
-    free_walls: Option<Walls>,
+    /// Friction of the prediction, which serves again where the surface rests.
+    friction: Option<DeviceFriction>,
     kept: Option<Kept>,
     /// Free arrays of velocities, and of rates, whose ghosts are zero.
     spare: [Vec<Field>; 2],
@@ -161,8 +153,7 @@ impl DeviceFlow {
             rates: field(),
             predicted: field(),
             edges: None,
-            walls: None,
-            free_walls: None,
+            friction: None,
             kept: None,
             spare: Default::default(),
             pressure: queue.buffer(count),
@@ -264,20 +255,16 @@ impl DeviceFlow {
             self.queue.launch("edges", &arguments);
             self.edges = Some(edges);
         }
-        let known = self.walls.take().or(self.free_walls.take());
-        self.walls = friction.map(|friction| match known.filter(|known| known.friction.is(friction)) {
+        let known = self.friction.take();
+        self.friction = friction.map(|friction| match known.filter(|known| known.is(friction)) {
             Some(known) => {
-                known.friction.set_velocities(&self.queue, friction);
+                known.set_velocities(&self.queue, friction);
                 known
             }
-            None => {
-                let friction = DeviceFriction::new(&self.queue, friction);
-                let values = self.queue.buffer(friction.walls.count);
-                Walls { friction, values }
-            }
+            None => DeviceFriction::new(&self.queue, friction),
         });
-        if let Some(walls) = &self.walls {
-            let targets = &walls.friction.interrupted;
+        if let Some(friction) = &self.friction {
+            let targets = &friction.interrupted;
             let arguments = Arguments::of(targets.count).addresses(u).addresses(rates);
             let arguments = (0..4).fold(arguments, |words, i| words.address(targets.array(i)));
             let h = grid.axes[0].spacing;
@@ -326,14 +313,13 @@ impl DeviceFlow {
 
     /// The wall stress of a step of `dt` s, in the predicted velocity; `friction` gets its forces.
     pub(crate) fn apply_friction(&self, friction: &mut Friction, [density, viscosity, dt]: [f64; 3]) {
-        let Some(Walls { friction: on_device, values }) = &self.walls else { return };
+        let Some(on_device) = &self.friction else { return };
         let h = friction.spacing();
         let targets = &on_device.walls;
         let arguments = Arguments::of(targets.count).addresses(addresses(&self.predicted));
         let arguments = (0..3).fold(arguments, |words, i| words.address(targets.array(i)));
         let arguments = (0..3).fold(arguments, |words, i| words.address(on_device.sides(i)));
-        let arguments =
-            arguments.address(values.at(0)).number(viscosity * dt / h).number(density * h.powi(3) / dt);
+        let arguments = arguments.number(viscosity * dt / h).number(density * h.powi(3) / dt);
         self.queue.launch("wall", &arguments);
         let mut forces = vec![0.0; on_device.len()];
         self.queue.download(on_device.sides(2), &mut forces);
@@ -434,27 +420,24 @@ impl DeviceFlow {
         });
     }
 
-    /// Ends the step with the pressure jumps of `rows`, `factor` being the length of the step over the mass of a cell; `keep`: one may return to it, with these
-    /// lengths of the step before and of it.
+    /// Ends the step with the pressure jumps of the rows, `factor` being the length of the step over the mass of a cell: its own, and then changes of earlier ones, which do
+    /// not change the pressure. `keep`: one may return to it, with this length of the step before.
     pub(crate) fn end_step(
         &mut self,
         grid: &Grid,
-        rows: &FluxConstraints,
-        (jumps, factor): (&[f64], f64),
-        keep: Option<(Option<f64>, f64)>,
+        [own, earlier]: [Option<EarlierChanges<'_>>; 2],
+        factor: f64,
+        keep: Option<Option<f64>>,
     ) {
-        if !rows.is_empty() {
-            let rows = self.rows_on_device(grid, rows);
-            self.impulses(rows, jumps, -factor);
-            let rows = &self.rows[rows];
-            let arguments = Arguments::of(rows.faces_cut)
-                .addresses(addresses(&self.predicted))
-                .address(rows.of_faces(0))
-                .address(rows.of_faces(1))
-                .address(rows.impulse());
-            self.queue.launch("spread", &arguments);
-        }
+        self.spread(grid, own, factor);
         self.solve_pressure();
+        let own_pressure = earlier.map(|_| {
+            let pressure = self.queue.buffer(self.count());
+            self.queue.copy(&self.pressure, &pressure);
+            self.spread(grid, earlier, factor);
+            self.solve_pressure();
+            pressure
+        });
         let arguments = Arguments::of(self.count())
             .integers(&self.tables.grid)
             .address(self.pressure.at(0))
@@ -463,7 +446,10 @@ impl DeviceFlow {
             .integers(&self.tables.outflows())
             .integers(&self.tables.periodic());
         self.queue.launch("gradient", &arguments);
-        if let Some(times) = keep {
+        if let Some(pressure) = own_pressure {
+            self.pressure = pressure;
+        }
+        if let Some(previous_dt) = keep {
             let rates = self.field(1);
             for (from, to) in self.rates.iter().zip(&rates) {
                 self.queue.copy(from, to);
@@ -473,8 +459,7 @@ impl DeviceFlow {
                 velocity: std::mem::replace(&mut self.velocity, velocity),
                 before: std::mem::replace(&mut self.before, before),
                 rates,
-                walls: self.walls.take(),
-                times,
+                previous_dt,
             };
             self.release_kept();
             self.kept = Some(kept);
@@ -484,30 +469,23 @@ impl DeviceFlow {
         self.fill_ghosts(&self.velocity);
     }
 
-    /// Lengths of the step before the kept one and of that, s.
-    pub(crate) fn kept_times(&self) -> Option<(Option<f64>, f64)> {
-        self.kept.as_ref().map(|kept| kept.times)
+    /// Adds the velocity changes at the faces of rows by pressure jumps there to the predicted velocity.
+    fn spread(&mut self, grid: &Grid, jumps: Option<EarlierChanges<'_>>, factor: f64) {
+        let Some((rows, jumps)) = jumps.filter(|(rows, _)| !rows.is_empty()) else { return };
+        let rows = self.rows_on_device(grid, rows);
+        self.impulses(rows, jumps, -factor);
+        let rows = &self.rows[rows];
+        let arguments = Arguments::of(rows.faces_cut)
+            .addresses(addresses(&self.predicted))
+            .address(rows.of_faces(0))
+            .address(rows.of_faces(1))
+            .address(rows.impulse());
+        self.queue.launch("spread", &arguments);
     }
 
-    /// Returns to the prediction of the kept step, whose friction it has.
-    pub(crate) fn return_to_prediction(&mut self, step: Extrapolation) {
-        let kept = self.kept.take().expect("a step that is kept");
-        let Kept { velocity, before, rates, walls, .. } = kept;
-        self.spare[0].push(std::mem::replace(&mut self.velocity, velocity));
-        self.spare[1].push(std::mem::replace(&mut self.before, before));
-        self.spare[1].push(std::mem::replace(&mut self.rates, rates));
-        self.walls = walls;
-        self.extrapolate(step);
-        if let Some(Walls { friction, values }) = &self.walls {
-            let targets = &friction.walls;
-            let arguments = Arguments::of(targets.count)
-                .addresses(addresses(&self.predicted))
-                .address(targets.array(0))
-                .address(targets.array(1))
-                .address(values.at(0));
-            self.queue.launch("set_walls", &arguments);
-        }
-        self.close_prediction();
+    /// Length of the step before the kept one, s.
+    pub(crate) fn kept_before(&self) -> Option<Option<f64>> {
+        self.kept.as_ref().map(|kept| kept.previous_dt)
     }
 
     /// Returns to the start of the kept step.
@@ -522,7 +500,6 @@ impl DeviceFlow {
     /// Ends the possibility to return to the kept step.
     pub(crate) fn release_kept(&mut self) {
         if let Some(kept) = self.kept.take() {
-            self.free_walls = kept.walls;
             self.spare[0].push(kept.velocity);
             self.spare[1].extend([kept.before, kept.rates]);
         }
@@ -533,7 +510,7 @@ impl DeviceFlow {
         self.release_kept();
         self.spare = Default::default();
         self.rows = Vec::new();
-        (self.edges, self.walls, self.free_walls) = (None, None, None);
+        (self.edges, self.friction) = (None, None);
     }
 
     // ---- constraints

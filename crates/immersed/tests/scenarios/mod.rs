@@ -3,6 +3,7 @@
 use std::rc::Rc;
 
 use immersed::axis::Axis;
+use immersed::constraints::FluxConstraints;
 use immersed::cut_faces::CutFaces;
 use immersed::device::Device;
 use immersed::eddy_viscosity::SubgridModel;
@@ -126,60 +127,82 @@ struct Windows<'a> {
     friction: Vec<f64>,
 }
 
+/// A solution of a window but for the end of its last step.
+struct Solved {
+    cut: CutFaces,
+    jumps: PressureJumps,
+    /// Constraints of all steps, and what their jumps differ from those of the prediction.
+    rows: FluxConstraints,
+    changes: Vec<f64>,
+}
+
 impl Windows<'_> {
-    /// Solves the step at `time` for a surface that moves at `speed`, from a prediction if `fluxes` are known.
-    fn step(
-        &mut self,
-        time: f64,
-        speed: f64,
-        dt: f64,
-        fluxes: Option<&PredictedFluxes>,
-    ) -> (CutFaces, PressureJumps) {
-        let (flow, faces) = (&mut self.flow, self.faces);
+    /// The surface at `time`, as it moves at `speed`.
+    fn cut(&self, time: f64, speed: f64) -> CutFaces {
         let moved: Vec<_> = self.nodes.iter().map(|x| x * (1.0 + 0.1 * time)).collect();
-        let mut cut = CutFaces::new(&flow.grid, &moved, faces, 0.0).expect("inside");
+        let mut cut = CutFaces::new(&self.flow.grid, &moved, self.faces, 0.0).expect("inside");
         cut.rows.target.iter_mut().for_each(|flux| *flux = 1e-3 * speed);
-        if fluxes.is_none() {
-            let mut friction = Friction::new(&flow.grid, &moved, faces).expect("inside");
-            friction.set_velocities(faces, &vec![Vector3::new(0.1, 0.0, -0.2); moved.len()]);
-            let edges = EdgeFluxes::new(&flow.grid, &moved, &free_edges(faces)).expect("inside");
-            flow.predict_around(dt, Vector3::new(0.0, 0.1, 0.2), &edges, Some(&mut friction));
-            let mut forces = vec![0.0; 3 * faces.len()];
-            friction.add_face_forces(&(0..faces.len() as u32).collect::<Vec<_>>(), &mut forces);
-            flow.slabs().ranks().sum(&mut forces);
-            self.friction.extend(forces);
-        }
-        flow.start_from(Vec::new());
-        let jumps = match fluxes {
-            Some(fluxes) => flow.solve_constraints_from(&cut.rows, fluxes, None),
-            None => flow.solve_constraints(&cut.rows),
-        };
-        (cut, jumps)
+        cut
     }
 
-    /// Solves `count` steps of a window but for the end of the last one.
-    fn solve(&mut self, time: f64, speed: f64, dt: f64, count: usize) -> (CutFaces, PressureJumps) {
+    fn predict(&mut self, time: f64, dt: f64) {
+        let (flow, faces) = (&mut self.flow, self.faces);
+        let moved: Vec<_> = self.nodes.iter().map(|x| x * (1.0 + 0.1 * time)).collect();
+        let mut friction = Friction::new(&flow.grid, &moved, faces).expect("inside");
+        friction.set_velocities(faces, &vec![Vector3::new(0.1, 0.0, -0.2); moved.len()]);
+        let edges = EdgeFluxes::new(&flow.grid, &moved, &free_edges(faces)).expect("inside");
+        flow.predict_around(dt, Vector3::new(0.0, 0.1, 0.2), &edges, Some(&mut friction));
+        let mut forces = vec![0.0; 3 * faces.len()];
+        friction.add_face_forces(&(0..faces.len() as u32).collect::<Vec<_>>(), &mut forces);
+        flow.slabs().ranks().sum(&mut forces);
+        self.friction.extend(forces);
+    }
+
+    fn jumps(&mut self, cut: &CutFaces, fluxes: &PredictedFluxes) -> PressureJumps {
+        self.flow.start_from(Vec::new());
+        self.flow.solve_constraints_from(&cut.rows, fluxes, None)
+    }
+
+    /// Solves `count` steps of a window, predicted for half of the speed.
+    fn solve(&mut self, time: f64, speed: f64, dt: f64, count: usize) -> Solved {
         self.friction.clear();
-        let mut last = self.step(time, speed, dt, None);
-        let fluxes = self.flow.predicted_fluxes(&last.0.rows);
-        let motions: &[f64] = if self.repeated { &[2.0, -1.0, 1.0] } else { &[1.0] };
-        for (solve, motion) in motions.iter().enumerate() {
-            if solve > 0 && count > 1 {
-                self.flow.return_to_prediction();
-            }
-            last = self.step(time, motion * speed, dt, Some(&fluxes));
-            let of_first = 3 * self.faces.len();
-            self.friction.truncate(of_first);
-            for step in 1..count {
-                if self.repeated && step == 1 {
-                    self.flow.accept_and_keep(&last.0.rows, &last.1);
+        let at = |step: usize| time + dt * step as f64;
+        let mut rows = FluxConstraints::new(&self.flow.grid);
+        let (mut fluxes, mut predicted) = (Vec::new(), Vec::new());
+        for step in 0..count {
+            self.predict(at(step), dt);
+            let cut = self.cut(at(step), 0.5 * speed);
+            fluxes.push(self.flow.predicted_fluxes(&cut.rows));
+            rows.append(&cut.rows);
+            if step + 1 < count {
+                let jumps = self.jumps(&cut, &fluxes[step]);
+                if self.repeated && step == 0 {
+                    self.flow.accept_and_keep(&cut.rows, &jumps);
                 } else {
-                    self.flow.accept(&last.0.rows, &last.1);
+                    self.flow.accept(&cut.rows, &jumps);
                 }
-                last = self.step(time + dt * step as f64, motion * speed, dt, None);
+                predicted.extend(jumps.jump);
             }
         }
-        last
+        let motions: &[f64] = if self.repeated { &[2.0, -1.0, 1.0] } else { &[1.0] };
+        let mut last = None;
+        for motion in motions {
+            let (mut changes, mut first) = (vec![0.0; rows.len()], 0);
+            for (step, fluxes) in fluxes.iter().enumerate() {
+                let cut = self.cut(at(step), motion * speed);
+                let earlier = self.flow.flux_changes(&rows, &changes);
+                let jumps = self.jumps(&cut, &fluxes.clone().changed_by(&earlier[first..]));
+                for (i, predicted) in predicted.iter().enumerate().skip(first).take(jumps.jump.len()) {
+                    changes[i] = jumps.jump[i - first] - predicted;
+                }
+                first += jumps.jump.len();
+                last = Some((cut, jumps));
+            }
+            if let Some((cut, jumps)) = last.take_if(|_| *motion == 1.0) {
+                return Solved { cut, jumps, rows, changes };
+            }
+        }
+        unreachable!("the last motion is 1")
     }
 }
 
@@ -206,8 +229,8 @@ pub fn windows(
             windows.solve(time, 0.5, 0.03, 3);
             windows.flow.return_to_start();
         }
-        let (cut, jumps) = windows.solve(time, 1.0, 0.06 / count as f64, count);
-        windows.flow.accept(&cut.rows, &jumps);
+        let Solved { cut, jumps, rows, changes } = windows.solve(time, 1.0, 0.06 / count as f64, count);
+        windows.flow.accept_after(&cut.rows, &jumps, (count > 1).then_some((&rows, &changes[..])));
         windows.flow.release_kept();
         friction.extend_from_slice(&windows.friction);
     }
