@@ -6,7 +6,7 @@
 //! u_k = u_k^0 - \tfrac{\Delta t}{\rho}\, P \sum_{j \le k} C_j^T \left(\varphi_j - \varphi_j^0\right),
 //! ```
 //! with the projection P of the whole flow and the constraints $`C_j`$ of each step. A solution needs the constraints of all steps, but no convection and no projection beyond the
-//! box around the canopy. The load of a window is affine in the motion, and does not depend on earlier solutions.
+//! box around the canopy. The load of a window is affine in the motion, and depends on earlier solutions by the tolerance of the constraints only.
 //!
 //! Why: `docs/decisions/0084-solutions-of-a-divided-window.md`.
 
@@ -121,8 +121,9 @@ struct Prediction {
     fluxes: Vec<PredictedFluxes>,
     /// Constraints of all steps, where there are several.
     rows: FluxConstraints,
-    /// Pressure jumps of all steps but the last one, Pa, one after the other.
+    /// Pressure jumps of all steps but the last one, Pa, one after the other, and the iterations for them.
     jumps: Vec<f64>,
+    iterations: usize,
     /// What the jumps of the last solution differ from these, at all constraints; zero in the last step.
     changes: Vec<f64>,
 }
@@ -302,8 +303,12 @@ impl OpenWindow {
     pub fn solve(&mut self, flow: &mut Flow, face_velocities: &[Vector3<f64>]) -> Solution {
         let mut prediction = self.prediction.take().unwrap_or_else(|| self.predict(flow));
         let count = self.cuts.len();
-        let mut solution =
-            Solution { forces: vec![Vector3::zeros(); face_velocities.len()], ..Solution::default() };
+        // Those of the prediction count once.
+        let mut solution = Solution {
+            forces: vec![Vector3::zeros(); face_velocities.len()],
+            iterations: std::mem::take(&mut prediction.iterations),
+            ..Solution::default()
+        };
         let _part = timing::part("constraints");
         prediction.changes.fill(0.0);
         let mut first = 0;
@@ -379,6 +384,7 @@ impl OpenWindow {
                 } else {
                     flow.accept(rows, &jumps);
                 }
+                prediction.iterations += jumps.iterations;
                 prediction.jumps.extend(jumps.jump);
             }
             prediction.fluxes.push(fluxes);
