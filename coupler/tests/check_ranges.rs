@@ -157,6 +157,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/leakage.rs",
         "leakage_is_relative_to_stream_and_fabric_and_warns_once",
     ),
+    (
+        "coupling.alternating-load",
+        "crates/results/src/alternation.rs",
+        "load_that_alternates_is_reported_with_its_amplitude",
+    ),
     ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
     ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
     ("flow.unloaded-canopy", "crates/results/src/summary.rs", "canopy_without_a_load_is_warned_of"),

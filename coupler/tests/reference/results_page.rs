@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use case::StageKind;
+use results::alternation::Alternation;
 use results::columns::{self, Column};
 use results::files::{self, ResultFile};
 use results::finding::{Finding, Severity};
@@ -37,6 +38,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("StageSummary", "crates/results/src/summary.rs"),
     ("Wake", "crates/results/src/wake.rs"),
     ("PendulumSwing", "crates/results/src/pendulum.rs"),
+    ("Alternation", "crates/results/src/alternation.rs"),
     ("ForcedOscillation", "crates/results/src/forced_oscillation.rs"),
     ("Derivatives", "crates/results/src/forced_oscillation.rs"),
     ("Opening", "crates/results/src/opening.rs"),
@@ -246,6 +248,7 @@ fn summary() -> RunSummary {
     let time: Vec<f64> = (1..100).map(f64::from).collect();
     let drag = time.iter().map(|t| t.sin()).collect();
     stage.wake = Wake::of(&stage.wake_samples).map(|w| Wake { pendulum_swing: Some(swing()), ..w });
+    stage.alternating_load = Some(Alternation { rms_n: 1.0, share: 0.01, correlation: -0.9 });
     stage.forced_oscillation = Some(oscillation());
     let (area, force) = ("projected_area_m2".into(), "riser_force_n".into());
     let opens: Vec<(String, Vec<f64>)> = vec![

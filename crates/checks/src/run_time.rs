@@ -236,6 +236,18 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "coupling.alternating-load",
+        what: "the load of the air does not alternate from window to window",
+        estimate: "root mean square of a quarter of the second difference of the drag over its mean magnitude, and the correlation of successive changes, over the last \
+                   half of the windows (alternating_load in summary.json)",
+        range: "warning above 2 % with a correlation below -0.5; nothing is said of fewer than 40 windows",
+        source: "where the air weighs mu times as much as the fabric, the velocity of the fabric at the ends of windows alternates by a factor of -mu/(2 + mu) (decision 83); the \
+                 immersed ATPS has 5 % without and 0.7 % with damping, and 2 % is the geometric mean. An oscillation of two or three windows looks the same",
+        severity: Warning,
+        remedy: "set stage.stiffness_damping_s or coupling.velocity_average, or shorten window_s; means over several windows are not affected",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "descent.downward",
         what: "the frame falls no faster than gravity and the measured forces pull it",
         estimate: "acceleration of the frame compared with gravity and the downward forces of lines and drag on the payload, per mass",

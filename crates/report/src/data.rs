@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use case::{Scene, StageKind};
 use coupling::error::RunError;
 use figures::snapshots::{Kind, RunSnapshots};
+use results::alternation::Alternation;
 use results::history;
 use results::run_state::{RunState, RunStatus};
 use results::settled::SettledMean;
@@ -66,6 +67,11 @@ impl Columns {
     /// The wake of the stage; `None` where its history has none.
     pub(super) fn wake(&self) -> Option<Wake> {
         Wake::of_history(&self.0)
+    }
+
+    /// Alternation of the drag from window to window; `None` with fewer than 40 windows.
+    pub(super) fn alternation(&self) -> Option<Alternation> {
+        Alternation::of_history(&self.0)
     }
 
     /// All columns with their names.

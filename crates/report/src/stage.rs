@@ -59,7 +59,7 @@ pub(super) fn section(run: &Run, stage: &StageData, frames: Option<&StageFrames>
     }
     for (text, table) in [
         (opening_loads::OPENING, opening_loads::table(run, stage)),
-        (WAKE, wake_table(stage)),
+        (WAKE, wake_table(stage, described.kind)),
         (OSCILLATION, oscillation_table(run, stage)),
     ] {
         blocks.extend(table.into_iter().flat_map(|table| [Block::Text(text.into()), Block::Table(table)]));
@@ -292,7 +292,7 @@ const WAKE: &str = "Wake. The statistics cover the last half of the windows, as 
     periods. U is the speed of the undisturbed air relative to the frame, D the diameter of a circle of the projected area.";
 
 /// Side force, pendulum angle, Strouhal number, and what of the wake they cover.
-fn wake_table(stage: &StageData) -> Option<Table> {
+fn wake_table(stage: &StageData, kind: case::StageKind) -> Option<Table> {
     let wake = stage.columns.wake()?;
     let percent = |share: f64| format!("{} %", digits(100.0 * share));
     let given = |value: Option<f64>, text: fn(f64) -> String| value.map_or("-".into(), text);
@@ -311,6 +311,8 @@ fn wake_table(stage: &StageData) -> Option<Table> {
     ];
     rows.extend(wake.pendulum_swing.iter().flat_map(swing_rows));
     rows.extend(wake.verdict().map(|v| (format!("warning {}", v.check), v.figure)));
+    let alternation = stage.columns.alternation().filter(|a| coupled(kind) && a.is_large());
+    rows.extend(alternation.map(|a| ("warning coupling.alternating-load".into(), a.line())));
     let rows = rows.into_iter().map(|(name, value)| vec![name, value]).collect();
     Some(Table { caption: "Wake of the canopy; units in the first column.".into(), head: Vec::new(), rows })
 }

@@ -4,6 +4,7 @@
 // An error ends the run once, so its size does not matter.
 #![allow(clippy::result_large_err)]
 
+pub mod alternation;
 pub mod checkpoint;
 pub mod columns;
 pub mod diff;

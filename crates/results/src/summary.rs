@@ -12,6 +12,7 @@ use coupling::partners::Usage;
 use serde::{Deserialize, Serialize};
 use terminal::{clock, counted};
 
+use crate::alternation::Alternation;
 use crate::finding::Finding;
 use crate::forced_oscillation::ForcedOscillation;
 use crate::history::Row;
@@ -148,6 +149,9 @@ pub struct StageSummary {
     /// Stability derivatives of a body whose rotation oscillates as prescribed; `None` in any other stage.
     #[serde(default)]
     pub forced_oscillation: Option<ForcedOscillation>,
+    /// Alternation of the drag from window to window; coupled stages of 40 windows or more.
+    #[serde(default)]
+    pub alternating_load: Option<Alternation>,
     /// Safety factors of fabric, lines and risers, where the scene has their strength.
     #[serde(default)]
     pub safety_factors: Vec<SafetyFactor>,
@@ -232,6 +236,7 @@ impl StageSummary {
             structure_energy_created_share: None,
             largest_local_mach: 0.0,
             largest_leakage_share: None,
+            alternating_load: None,
             wake: None,
             settled: Vec::new(),
             opening: None,
@@ -259,6 +264,8 @@ impl StageSummary {
     /// history that cannot be read leaves them out: it is not needed for the run.
     pub fn assess(&mut self, history: &Path, scene: &Scene, interface: &CanopyInterface) {
         self.wake = Wake::of(&self.wake_samples);
+        self.alternating_load =
+            Alternation::of(&self.wake_samples).filter(|_| self.kind == StageKind::Coupled);
         let Ok((columns, _)) = crate::history::read_complete_rows(history) else { return };
         self.safety_factors = SafetyFactor::of(scene, interface.sizes.risers, &columns);
         if !self.kind.roles().contains(&Role::Flow) {
