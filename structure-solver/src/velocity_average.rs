@@ -32,8 +32,9 @@ use crate::system::System;
 ///
 /// The price is a first-order error in the inertia of the *fabric* (up to a third of
 /// its mass), which is small relative to that of the air where this is needed. Without a choice of
-/// the scene $`\chi`$ falls with the air's share (`fitting`), and is 0 in an immersed flow, which takes
-/// the mean velocity itself: no mode grows without the average there (decision 80).
+/// the scene $`\chi`$ falls with the air's share (`fitting`). In an immersed flow, which takes
+/// the mean velocity itself, no mode grows without the average (decision 80), but none dies out soon either: a
+/// tenth of that share is enough, by which the fabric seems a fortieth heavier (decision 85).
 #[derive(Clone, Debug)]
 pub struct VelocityAverage {
     weight: f64,
@@ -48,16 +49,13 @@ impl VelocityAverage {
     /// As the scene couples: only implicit windows have a converged velocity.
     pub fn of(scene: &Scene, stage: usize, mesh: &StructureMesh) -> Option<Self> {
         let coupled = scene.stages[stage].kind == StageKind::Coupled;
-        // An immersed flow takes the mean velocity of the window itself: it needs no average.
         let immersed = scene.flow.as_ref().is_some_and(case::Flow::is_immersed);
         let weight = scene.coupling.velocity_average.unwrap_or_else(|| {
-            if immersed {
-                return 0.0;
-            }
             let sides = if scene.is_one_sided() { 0.5 } else { 1.0 };
             let air = sides * scene.resolved().canopy_air.density_kg_m3;
             let fabric = mesh.mean_areal_mass(scene);
-            fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)))
+            let share = fitting(mass_ratio(air, fabric, mesh.fabric_area(|_| true)));
+            if immersed { IMMERSED * share } else { share }
         });
         let called_for = coupled && scene.coupling.scheme == Scheme::Implicit && weight > LEAST;
         called_for.then(|| Self::new(weight, mesh.faces.len()))
@@ -85,6 +83,9 @@ impl VelocityAverage {
         system.model.halo.exchange(&mut to.v, 3);
     }
 }
+
+/// Part of the share that an immersed flow needs.
+const IMMERSED: f64 = 0.1;
 
 /// Share below which an average is none: it would count as less than 0.1 % of the fabric.
 const LEAST: f64 = 1e-3;
@@ -134,9 +135,9 @@ mod tests {
         assert!(near(drawn([0.0, 0.6, 0.8], [0.0; 3], normal), [0.0, 0.3, 0.4]));
     }
 
-    /// Without a choice of the scene a fitted canopy has the average, an immersed one has none.
+    /// Without a choice of the scene a fitted canopy has the average, an immersed one a tenth of it.
     #[test]
-    fn immersed_canopies_keep_their_velocity() {
+    fn immersed_canopies_have_a_tenth_of_the_average() {
         let load = |file: &str| {
             let cases = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../cases");
             case::load(&cases.join(file)).expect("a scene of the repository")
@@ -149,7 +150,7 @@ mod tests {
         };
         assert!(weight(&load("square-drop/scene.toml")) > 0.4);
         let mut immersed = load("atps-opening/scene.toml");
-        assert_eq!(weight(&immersed), 0.0);
+        assert!((weight(&immersed) - 0.05).abs() < 1e-3, "{}", weight(&immersed));
         immersed.coupling.velocity_average = Some(0.3);
         assert_eq!(weight(&immersed), 0.3);
     }
@@ -232,6 +233,9 @@ mod tests {
             assert!(drawn(10.0, false, immersed) < 1.001);
         }
         assert!((drawn(0.5, true, false) - 1.0143).abs() < 5e-4);
+        // A tenth of it: modes without added mass grow by 0.3 %, those of the fabric along its normal not at all.
+        let tenth = |mu| largest(Mode { mu, share: 0.05, ..mode });
+        assert!((tenth(0.001) - 1.0029).abs() < 5e-4 && tenth(2.0) < 1.0005 && tenth(50.0) < 1.0005);
     }
 
     #[test]

@@ -71,7 +71,7 @@ fn flat_sheet_snapping_lines_gust_and_light_payload_are_stable() {
     let case =
         |name, fitted| Case { name, spacing: 0.1, change: None, fitted: Some(fitted), iterations: 6.0 };
     run(&case("full-pressure", (4.4021, 0.005)));
-    // Without the average of the velocity, which an immersed canopy has not by default (3.798 m/s with it).
+    // Without the average of the velocity, of which an immersed canopy has a tenth by default (3.798 m/s with all of it).
     run(&case("snapping-lines", (3.7374, 0.005)));
     run(&case("gust", (3.5911, 0.01)));
     // 3.354 m/s on the grid of the scene, 3.218 on half the spacing: the lighter the payload, the more the grids differ. Both methods with the average of the

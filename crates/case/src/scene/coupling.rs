@@ -37,8 +37,8 @@ pub struct Coupling {
     pub added_mass_max_panels: u32,
     /// Share of the mean velocity over an implicit window in the structure's velocity
     /// at its end, along the fabric's normal, 0 to 1: holds light fabric to the motion that
-    /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric, none
-    /// where it weighs less or the flow is immersed.
+    /// the flow sees. Absent: 0.5 where the air weighs far more than the fabric (a tenth of
+    /// that where the flow is immersed), none where it weighs less.
     pub velocity_average: Option<f64>,
     /// Retries of a rejected window with a shorter one.
     pub adaptive: AdaptiveWindow,
