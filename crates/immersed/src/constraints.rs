@@ -112,6 +112,9 @@ impl FluxConstraints {
     }
 }
 
+/// Pressure jumps of rows, Pa.
+pub type JumpsOfRows<'a> = (&'a FluxConstraints, &'a [f64]);
+
 /// A face of a constraint in the own planes.
 #[derive(Clone, Copy, Debug)]
 struct OwnFace {

@@ -18,7 +18,7 @@ use std::rc::Rc;
 
 use nalgebra::Vector3;
 
-use crate::constraints::FluxConstraints;
+use crate::constraints::{FluxConstraints, JumpsOfRows};
 use crate::device::DeviceFlow;
 use crate::eddy_viscosity::EddyViscosity;
 use crate::far_field::FarField;
@@ -83,9 +83,6 @@ struct KeptStep {
     rates: Velocity,
     previous_dt: Option<f64>,
 }
-
-/// Changes of the pressure jumps of earlier steps, which the velocity of a step does not have yet, with their rows.
-pub type EarlierChanges<'a> = (&'a FluxConstraints, &'a [f64]);
 
 /// Flow on a Cartesian grid. On several ranks its calls are collective.
 #[derive(Debug)]
@@ -447,12 +444,12 @@ impl Flow {
         self.accept_after(rows, jumps, None);
     }
 
-    /// As [`Self::accept`], of a step whose prediction started before pressure jumps of `earlier` steps changed. They change its velocity, and not its pressure.
+    /// As [`Self::accept`], of a step whose prediction started before pressure jumps of `earlier` steps changed, by these differences. They change its velocity, and not its pressure.
     pub fn accept_after(
         &mut self,
         rows: &FluxConstraints,
         jumps: &PressureJumps,
-        earlier: Option<EarlierChanges<'_>>,
+        earlier: Option<JumpsOfRows<'_>>,
     ) {
         if let Some(mut device) = self.device.take() {
             self.end_on(&mut device, (rows, jumps), earlier, false);
@@ -481,7 +478,7 @@ impl Flow {
         &mut self,
         rows: &FluxConstraints,
         jumps: &PressureJumps,
-        earlier: Option<EarlierChanges<'_>>,
+        earlier: Option<JumpsOfRows<'_>>,
     ) -> [Velocity; 2] {
         let mut velocity = std::mem::take(&mut self.predicted);
         self.add_impulses(rows, &jumps.jump, &mut velocity);

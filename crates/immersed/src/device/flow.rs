@@ -6,8 +6,8 @@ use nalgebra::Vector3;
 
 use super::steps::Extrapolation;
 use super::{Device, DeviceError, DeviceFlow, NoDevice};
-use crate::constraints::FluxConstraints;
-use crate::flow::{EarlierChanges, Flow, PressureJumps};
+use crate::constraints::{FluxConstraints, JumpsOfRows};
+use crate::flow::{Flow, PressureJumps};
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 
@@ -99,7 +99,7 @@ impl Flow {
         &mut self,
         device: &mut DeviceFlow,
         (rows, jumps): (&FluxConstraints, &PressureJumps),
-        earlier: Option<EarlierChanges<'_>>,
+        earlier: Option<JumpsOfRows<'_>>,
         keep: bool,
     ) {
         device.end_step(

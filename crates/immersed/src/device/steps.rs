@@ -12,9 +12,8 @@ use super::rows::DeviceRows;
 use super::surface::{DeviceEdges, DeviceFriction};
 use super::tables::Tables;
 use super::{Address, Device, DeviceError, Product};
-use crate::constraints::FluxConstraints;
+use crate::constraints::{FluxConstraints, JumpsOfRows};
 use crate::eddy_viscosity::EddyViscosity;
-use crate::flow::EarlierChanges;
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
@@ -425,7 +424,7 @@ impl DeviceFlow {
     pub(crate) fn end_step(
         &mut self,
         grid: &Grid,
-        [own, earlier]: [Option<EarlierChanges<'_>>; 2],
+        [own, earlier]: [Option<JumpsOfRows<'_>>; 2],
         factor: f64,
         keep: Option<Option<f64>>,
     ) {
@@ -470,7 +469,7 @@ impl DeviceFlow {
     }
 
     /// Adds the velocity changes at the faces of rows by pressure jumps there to the predicted velocity.
-    fn spread(&mut self, grid: &Grid, jumps: Option<EarlierChanges<'_>>, factor: f64) {
+    fn spread(&mut self, grid: &Grid, jumps: Option<JumpsOfRows<'_>>, factor: f64) {
         let Some((rows, jumps)) = jumps.filter(|(rows, _)| !rows.is_empty()) else { return };
         let rows = self.rows_on_device(grid, rows);
         self.impulses(rows, jumps, -factor);
