@@ -244,7 +244,7 @@ pub const CHECKS: &[Check] = &[
         source: "where the air weighs mu times as much as the fabric, the velocity of the fabric at the ends of windows alternates by a factor of -mu/(2 + mu) (decision 83); the \
                  immersed ATPS has 5 % without and 0.7 % with damping, and 2 % is the geometric mean. An oscillation of two or three windows looks the same",
         severity: Warning,
-        remedy: "set stage.stiffness_damping_s or coupling.velocity_average, or shorten window_s; means over several windows are not affected",
+        remedy: "set stage.stiffness_damping_s or coupling.velocity_average, or average over several windows",
         when: When::During(&["coupler"]),
     },
     Check {

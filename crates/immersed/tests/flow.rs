@@ -460,7 +460,7 @@ fn a_wake_may_return_through_the_outflow() {
 fn jumps_of_an_earlier_step_may_change_afterwards() {
     let axis = || Axis::even(-1.0, 1.0, 20);
     let (nodes, faces) = shapes::plate(6);
-    for (speed, bounds) in [(1e-6, 0.0..1e-6), (1.0, 0.01..0.2)] {
+    for (speed, bounds) in [(1e-6, 0.0..3e-7), (1.0, 0.02..0.15)] {
         let grid = Grid::new([axis(), axis(), axis()], [SLIP; 3]);
         let solve = |flow: &mut Flow, step: usize, target: f64, fluxes: &PredictedFluxes| {
             let moved: Vec<_> =
@@ -497,7 +497,8 @@ fn jumps_of_an_earlier_step_may_change_afterwards() {
             flow.accept_after(&last, &jumps, Some((&rows, &changes)));
             for row in 0..last.len() {
                 let error = last.flux(&flow.velocity, row) - last.target[row];
-                assert!(error.abs() < 2e-3 * last.target[row], "row {row}: {error}");
+                // What the regularisation lets pass: 3.5e-4 at most.
+                assert!(error.abs() < 5e-4 * last.target[row], "row {row}: {error}");
             }
             let divergence = flow.largest_divergence();
             assert!(divergence < 1e-12 * speed, "{divergence}");
@@ -510,6 +511,7 @@ fn jumps_of_an_earlier_step_may_change_afterwards() {
             a.iter().zip(b).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())) / largest
         };
         let found = [apart(&u, &u1), apart(&p, &p1), apart(&jumps, &jumps1)];
+        println!("{speed} m/s: {found:?}");
         // What remains is the convection of the second step, which is that of the first motion.
         assert!(found.iter().all(|d| bounds.contains(d)), "{speed} m/s: {found:?}");
     }

@@ -73,8 +73,8 @@ impl Alternation {
     pub fn warning(&self, stage: &str) -> Option<String> {
         self.is_large().then(|| {
             format!(
-                "stage `{stage}`: {} [{CHECK}]. Forces at the ends of windows are not those of the air; means over several windows are. Remedy: set stage.stiffness_damping_s \
-                 (1e-3 for fabric that oscillates faster than windows resolve) or coupling.velocity_average, or shorten window_s",
+                "stage `{stage}`: {} [{CHECK}]. The load of a single window is that of the coupling, not of the air. Remedy: set stage.stiffness_damping_s \
+                 (1e-3 s in the descent of the ATPS) or coupling.velocity_average, or average over several windows",
                 self.line()
             )
         })

@@ -112,7 +112,7 @@ fn load_is_affine(comm: &Comm, scene: &Scene, dt: f64) {
     assert!(difference(&loads[0], &loads[2]) > 0.05, "the motions differ");
     let error = difference(&mean, &loads[1]);
     println!("affine to {error:.1e}");
-    assert!(error < 1e-3, "{error}");
+    assert!(error < 1e-5, "{error}");
 }
 
 /// Other motions, and a rejected window of half the length, leave nothing behind.
