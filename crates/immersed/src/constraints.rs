@@ -168,6 +168,13 @@ impl OwnFaces {
         }
     }
 
+    /// Weighted gradients of the pressure `p` of all planes at the faces of each row, summed, m3/s for a pressure over density times the step.
+    pub(crate) fn gradients(&self, p: &[f64], sums: &mut [f64]) {
+        for (sum, entries) in sums.iter_mut().zip(self.rows()) {
+            *sum = entries.iter().map(|f| f.weight * f.gradient.of(p, &[])).sum();
+        }
+    }
+
     /// Largest speed at these faces of each row, m/s; arguments of [`Self::fluxes`].
     pub(crate) fn largest_speeds(&self, u: &Velocity, [p, below]: [&[f64]; 2], speeds: &mut [f64]) {
         for (speed, entries) in speeds.iter_mut().zip(self.rows()) {

@@ -17,6 +17,7 @@
 //! Why: `docs/decisions/0048-immersed-surfaces.md`.
 
 pub mod axis;
+mod axis_modes;
 pub mod constraints;
 pub mod cut_faces;
 pub mod device;

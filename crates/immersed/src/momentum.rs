@@ -100,155 +100,191 @@ impl Momentum {
         rates: &mut Velocity,
     ) {
         let planes = planes.start as isize..planes.end as isize;
-        let array = grid.at([-(GHOSTS as isize), -(GHOSTS as isize), planes.start]);
-        let length = planes.len() * grid.strides[2];
         for (c, rates) in rates.iter_mut().enumerate() {
-            rates[array..array + length].fill(0.0);
             // The ghosts at the ends, which no rank computes, are saved.
             let ghosts = GHOSTS * grid.strides[2];
             let top = rates.len() - ghosts;
             rates[..ghosts].fill(0.0);
             rates[top..].fill(0.0);
-            for d in 0..3 {
-                let line = Line::new(grid, c, d);
-                let pass = Pass { grid, momentum: self, c, d, frame: frame[d], line, planes: planes.clone() };
-                match (d, c) {
-                    (0, 0) => pass.along_x::<true>(u, rates),
-                    (0, _) => pass.along_x::<false>(u, rates),
-                    (_, 0) => pass.across_x::<true>(u, rates),
-                    _ => pass.across_x::<false>(u, rates),
-                }
-            }
+            let fluxes = [0, 1, 2].map(|d| Fluxes::new(self, grid, [c, d], frame[d]));
+            sum_fluxes(&fluxes, u, planes.clone(), rates);
         }
+    }
+}
+
+/// Sets the `rates` of one component in `planes` along z, plane by plane, so that what one direction reads is still near when the next one needs it.
+fn sum_fluxes([x, y, z]: &[Fluxes<'_>; 3], u: &Velocity, planes: Range<isize>, rates: &mut [f64]) {
+    let grid = x.grid;
+    let [nx, ny, _] = grid.cells();
+    let (mut along, mut row) = (vec![0.0; nx + 1], vec![0.0; nx]);
+    // Fluxes below the row, and below all rows of the plane.
+    let (mut below_y, mut below_z) = (vec![0.0; nx], vec![0.0; nx * ny]);
+    for (j, below) in below_z.chunks_exact_mut(nx).enumerate() {
+        z.across_x(u, [j as isize, planes.start - 1], below);
+    }
+    for k in planes {
+        let first = grid.at([-(GHOSTS as isize), -(GHOSTS as isize), k]);
+        let rates = &mut rates[first..first + grid.strides[2]];
+        y.across_x(u, [-1, k], &mut below_y);
+        for (j, rates) in rates.chunks_exact_mut(grid.strides[1]).enumerate() {
+            let Some(j) = j.checked_sub(GHOSTS).filter(|j| *j < ny) else {
+                rates.fill(0.0);
+                continue;
+            };
+            let (low, rates) = rates.split_at_mut(GHOSTS);
+            let (rates, high) = rates.split_at_mut(nx);
+            low.fill(0.0);
+            high.fill(0.0);
+            x.along_x(u, [j as isize, k], &mut along);
+            for ((rate, f), width) in rates.iter_mut().zip(along.windows(2)).zip(&x.line.width) {
+                *rate = -((f[1] - f[0]) * width);
+            }
+            y.across_x(u, [j as isize, k], &mut row);
+            subtract(rates, &row, &mut below_y, y.line.width[j]);
+            z.across_x(u, [j as isize, k], &mut row);
+            subtract(rates, &row, &mut below_z[j * nx..][..nx], z.line.width[k as usize]);
+        }
+    }
+}
+
+/// Subtracts what leaves a row of volumes through its faces `above` less those `below`, which become those above.
+fn subtract(rates: &mut [f64], above: &[f64], below: &mut [f64], width: f64) {
+    for ((rate, above), below) in rates.iter_mut().zip(above).zip(below) {
+        *rate -= (above - *below) * width;
+        *below = *above;
     }
 }
 
 /// The fluxes of component c along d.
-struct Pass<'a> {
+struct Fluxes<'a> {
     grid: &'a Grid,
-    momentum: &'a Momentum,
     c: usize,
     d: usize,
+    /// Velocity of the grid along d, m/s.
     frame: f64,
+    /// Upwind share over 12.
+    share: f64,
     line: Line,
-    /// Cells along z.
-    planes: Range<isize>,
+    /// Viscosity over the distance of the two values next to a flux, m/s; entries as of [`Line::distance`].
+    viscosity: Vec<f64>,
+    /// Shares of the lower and the upper cell in a volume of component c, by index along c.
+    shares: [Vec<f64>; 2],
 }
 
-impl Pass<'_> {
-    /// Velocity through the flux above value m, limited so that no momentum enters through an outflow: that of the velocity along the axis passes the middle
-    /// of the last cell.
+impl<'a> Fluxes<'a> {
+    fn new(momentum: &Momentum, grid: &'a Grid, [c, d]: [usize; 2], frame: f64) -> Self {
+        let line = Line::new(grid, c, d);
+        let viscosity = line.distance.iter().map(|d| momentum.viscosity * d).collect();
+        let shares = [0, 1].map(|side| (0..grid.axes[c].len()).map(|i| shares(grid, c, i)[side]).collect());
+        Self { grid, c, d, frame, share: momentum.upwind_share / 12.0, line, viscosity, shares }
+    }
+
+    /// Fluxes along x in the row `[j, k]` of y and z: the one above value -1 first.
+    fn along_x(&self, u: &Velocity, [j, k]: [isize; 2], f: &mut [f64]) {
+        let n = f.len();
+        let start = self.grid.at([0, j, k]);
+        let rows = [0, 1, 2, 3].map(|shift| &u[self.c][start - GHOSTS + shift..][..n]);
+        if self.c == 0 {
+            self.set_along_x(f, rows, |m| 0.5 * (rows[1][m] + rows[2][m]) - self.frame);
+        } else {
+            let i = if self.c == 1 { j } else { k } as usize;
+            let [low, high] = [self.shares[0][i], self.shares[1][i]];
+            let [below, above] = [self.grid.strides[self.c], 0].map(|back| &u[0][start - back..][..n]);
+            self.set_along_x(f, rows, |m| low * below[m] + high * above[m] - self.frame);
+        }
+    }
+
+    /// Sets fluxes along x of four `rows` of values with the velocity `v` through each.
     #[inline(always)]
-    fn limited(&self, v: f64, m: isize) -> f64 {
+    fn set_along_x(&self, f: &mut [f64], rows: [&[f64]; 4], v: impl Fn(usize) -> f64) {
+        let n = f.len();
+        let viscosity = &self.viscosity[..n];
+        set_row(f, rows, self.share, |m| viscosity[m], &v);
+        for m in [0, 1, n - 1] {
+            let v = match self.limit(m as isize - 1) {
+                Limit::None => continue,
+                Limit::Upwards => v(m).max(0.0),
+                Limit::Downwards => v(m).min(0.0),
+            };
+            f[m] = flux(rows.map(|row| row[m]), v, self.share, viscosity[m]);
+        }
+    }
+
+    /// Fluxes along y or z above the row `[j, k]` of y and z.
+    fn across_x(&self, u: &Velocity, [j, k]: [isize; 2], f: &mut [f64]) {
+        let (n, s) = (f.len(), self.grid.strides[self.d]);
+        let start = self.grid.at([0, j, k]);
+        let cell = [0, j, k];
+        let m = cell[self.d];
+        let viscosity = self.viscosity[(m + 1) as usize];
+        let rows = [0, 1, 2, 3].map(|shift| &u[self.c][start + shift * s - s..][..n]);
+        if self.c == self.d {
+            self.set_across_x(f, rows, m, viscosity, |i| 0.5 * (rows[1][i] + rows[2][i]) - self.frame);
+            return;
+        }
+        let [below, above] = [self.grid.strides[self.c], 0].map(|back| &u[self.d][start + s - back..][..n]);
+        if self.c == 0 {
+            let [low, high] = [0, 1].map(|side| &self.shares[side][..n]);
+            let v = |i: usize| low[i] * below[i] + high[i] * above[i] - self.frame;
+            self.set_across_x(f, rows, m, viscosity, v);
+        } else {
+            let at = cell[self.c] as usize;
+            let [low, high] = [0, 1].map(|side| self.shares[side][at]);
+            let v = |i: usize| low * below[i] + high * above[i] - self.frame;
+            self.set_across_x(f, rows, m, viscosity, v);
+        }
+    }
+
+    /// Sets fluxes across x above values `m` of four `rows`, with the velocity `v` through each.
+    #[inline(always)]
+    fn set_across_x(
+        &self,
+        f: &mut [f64],
+        rows: [&[f64]; 4],
+        m: isize,
+        viscosity: f64,
+        v: impl Fn(usize) -> f64,
+    ) {
+        match self.limit(m) {
+            Limit::None => set_row(f, rows, self.share, |_| viscosity, v),
+            Limit::Upwards => set_row(f, rows, self.share, |_| viscosity, |i| v(i).max(0.0)),
+            Limit::Downwards => set_row(f, rows, self.share, |_| viscosity, |i| v(i).min(0.0)),
+        }
+    }
+
+    /// What limits the velocity through the flux above value m, so that no momentum enters through an outflow: that of the velocity along the axis passes the
+    /// middle of the last cell.
+    #[inline(always)]
+    fn limit(&self, m: isize) -> Limit {
         let first = if self.c == self.d { 0 } else { -1 };
         match self.grid.ends[self.d] {
-            Ends::Open([End::Outflow, _]) if m == first => v.min(0.0),
-            Ends::Open([_, End::Outflow]) if m + 1 == self.grid.axes[self.d].len() as isize => v.max(0.0),
-            _ => v,
+            Ends::Open([End::Outflow, _]) if m == first => Limit::Downwards,
+            Ends::Open([_, End::Outflow]) if m + 1 == self.grid.axes[self.d].len() as isize => Limit::Upwards,
+            _ => Limit::None,
         }
     }
+}
 
-    /// Fluxes along x. `OWN`: c is x.
-    fn along_x<const OWN: bool>(&self, u: &Velocity, rates: &mut [f64]) {
-        let [nx, ny, _] = self.grid.cells();
-        let share = self.momentum.upwind_share / 12.0;
-        let mut f = vec![0.0; nx + 1];
-        let k: Vec<f64> = self.line.distance.iter().map(|d| self.momentum.viscosity * d).collect();
-        for z in self.planes.clone() {
-            for y in 0..ny as isize {
-                let start = self.grid.at([0, y, z]);
-                let own = &u[self.c][start - 2..start + nx + 2];
-                if OWN {
-                    for (m, f) in f.iter_mut().enumerate() {
-                        let w = [own[m], own[m + 1], own[m + 2], own[m + 3]];
-                        *f = flux(w, 0.5 * (w[1] + w[2]) - self.frame, share, k[m]);
-                    }
-                    if let Ends::Open(_) = self.grid.ends[0] {
-                        for m in [1, nx] {
-                            let w = [own[m], own[m + 1], own[m + 2], own[m + 3]];
-                            let v = 0.5 * (w[1] + w[2]) - self.frame;
-                            f[m] = flux(w, self.limited(v, m as isize - 1), share, k[m]);
-                        }
-                    }
-                } else {
-                    let [low, high] = shares(self.grid, self.c, [0, y as usize, z as usize][self.c]);
-                    let back = self.grid.strides[self.c];
-                    let above = &u[0][start..=start + nx];
-                    let below = &u[0][start - back..=start - back + nx];
-                    for (m, f) in f.iter_mut().enumerate() {
-                        let w = [own[m], own[m + 1], own[m + 2], own[m + 3]];
-                        *f = flux(w, low * below[m] + high * above[m] - self.frame, share, k[m]);
-                    }
-                    if let Ends::Open(_) = self.grid.ends[0] {
-                        for m in [0, nx] {
-                            let w = [own[m], own[m + 1], own[m + 2], own[m + 3]];
-                            let v = low * below[m] + high * above[m] - self.frame;
-                            f[m] = flux(w, self.limited(v, m as isize - 1), share, k[m]);
-                        }
-                    }
-                }
-                for ((rate, f), width) in
-                    rates[start..start + nx].iter_mut().zip(f.windows(2)).zip(&self.line.width)
-                {
-                    *rate -= (f[1] - f[0]) * width;
-                }
-            }
-        }
-    }
+/// Where a velocity through a flux may point.
+enum Limit {
+    None,
+    Upwards,
+    Downwards,
+}
 
-    /// Fluxes along y or z, a row of x at a time. `OWN`: c is x.
-    fn across_x<const OWN: bool>(&self, u: &Velocity, rates: &mut [f64]) {
-        let n = self.grid.cells();
-        let (nx, d, s) = (n[0], self.d, self.grid.strides[self.d]);
-        let other = 3 - d;
-        let share = self.momentum.upwind_share / 12.0;
-        let weights: Vec<[f64; 2]> = (0..nx).map(|i| shares(self.grid, 0, i)).collect();
-        let (mut before, mut f) = (vec![0.0; nx], vec![0.0; nx]);
-        let cells = |axis: usize| if axis == 2 { self.planes.clone() } else { 0..n[axis] as isize };
-        for o in cells(other) {
-            let along = cells(d);
-            for m in along.start - 1..along.end {
-                let mut cell = [0; 3];
-                (cell[d], cell[other]) = (m, o);
-                let start = self.grid.at(cell);
-                let k = self.momentum.viscosity * self.line.distance[(m + 1) as usize];
-                let row = |shift: usize| &u[self.c][start + shift * s - s..][..nx];
-                let rows = [row(0), row(1), row(2), row(3)];
-                let through = &u[d];
-                if OWN {
-                    let above = &through[start + s..][..nx];
-                    let below = &through[start + s - 1..][..nx];
-                    for i in 0..nx {
-                        let w = [rows[0][i], rows[1][i], rows[2][i], rows[3][i]];
-                        let v = weights[i][0] * below[i] + weights[i][1] * above[i] - self.frame;
-                        f[i] = flux(w, self.limited(v, m), share, k);
-                    }
-                } else if self.c == d {
-                    for i in 0..nx {
-                        let w = [rows[0][i], rows[1][i], rows[2][i], rows[3][i]];
-                        let v = 0.5 * (w[1] + w[2]) - self.frame;
-                        f[i] = flux(w, self.limited(v, m), share, k);
-                    }
-                } else {
-                    let back = self.grid.strides[self.c];
-                    let [low, high] = shares(self.grid, self.c, cell[self.c] as usize);
-                    let above = &through[start + s..][..nx];
-                    let below = &through[start + s - back..][..nx];
-                    for i in 0..nx {
-                        let w = [rows[0][i], rows[1][i], rows[2][i], rows[3][i]];
-                        f[i] =
-                            flux(w, self.limited(low * below[i] + high * above[i] - self.frame, m), share, k);
-                    }
-                }
-                if m >= along.start {
-                    let width = self.line.width[m as usize];
-                    for ((rate, f), before) in rates[start..start + nx].iter_mut().zip(&f).zip(&before) {
-                        *rate -= (f - before) * width;
-                    }
-                }
-                std::mem::swap(&mut before, &mut f);
-            }
-        }
+/// Sets a row of fluxes of four rows of values with the velocity `v` through each; `viscosity` over the distance of the middle values.
+#[inline(always)]
+fn set_row(
+    f: &mut [f64],
+    [a, b, c, d]: [&[f64]; 4],
+    share: f64,
+    viscosity: impl Fn(usize) -> f64,
+    v: impl Fn(usize) -> f64,
+) {
+    let n = f.len();
+    let [a, b, c, d] = [&a[..n], &b[..n], &c[..n], &d[..n]];
+    for i in 0..n {
+        f[i] = flux([a[i], b[i], c[i], d[i]], v(i), share, viscosity(i));
     }
 }
 

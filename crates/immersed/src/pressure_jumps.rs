@@ -58,16 +58,15 @@ impl SolveHistory {
 /// Arrays of the solutions, which all steps use.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ConstraintWork {
-    /// The faces of the rows in the own planes of the grid, and in those of the box around the surface.
+    /// The faces of the rows in the own planes of the grid, and all of them in the box around the surface.
     in_slab: OwnFaces,
     in_box: OwnFaces,
     /// Positions of all faces of the rows in the box.
     positions: Vec<usize>,
     /// Velocity change by the jumps at the faces of the box; zero between two uses.
     impulse: Velocity,
-    /// Pressures of the own cells of the box, and of the plane below.
+    /// Pressures of the box.
     pressure: Vec<f64>,
-    below: Vec<f64>,
     /// Pivots of the pressure equation above the box, and the end of the box along z to which they belong.
     closure: Vec<f64>,
     closed_at: usize,
@@ -186,7 +185,7 @@ fn airtight_leak(rows: &FluxConstraints, row: usize, factor: f64) -> f64 {
 struct Constraint<'a> {
     flow: &'a mut Flow,
     rows: &'a FluxConstraints,
-    /// Planes of the box around the surface that this rank computes.
+    /// The box around the surface.
     part: Part,
     /// Layout of the faces of the box.
     layout: Layout,
@@ -202,8 +201,8 @@ impl<'a> Constraint<'a> {
             flow.poisson.closure(&rows.cells[2], &mut work.closure);
             work.closed_at = rows.cells[2].end;
         }
-        let part = Part::share(&rows.cells, &flow.slabs);
-        let (layout, length) = Layout::of_box(&rows.cells);
+        let part = Part::whole(&flow.poisson.covering(&rows.cells));
+        let (layout, length) = Layout::of_box(&part.cells());
         let factor = flow.factor();
         work.leak.clear();
         work.leak.extend((0..rows.len()).map(|r| rows.permeability[r] + airtight_leak(rows, r, factor)));
@@ -223,7 +222,6 @@ impl<'a> Constraint<'a> {
             values.resize(length.max(values.len()), 0.0);
         }
         work.pressure.resize(part.plane() * part.own().len(), 0.0);
-        work.below.resize(part.plane(), 0.0);
         Self { flow, rows, part, layout, work, factor, on_device: 0 }
     }
 
@@ -233,8 +231,7 @@ impl<'a> Constraint<'a> {
             return device.responses(self.on_device, x, self.factor, y);
         }
         let Flow { grid, slabs, poisson, .. } = &mut *self.flow;
-        let ConstraintWork { in_box, positions, impulse, pressure, below, closure, leak, .. } =
-            &mut self.work;
+        let ConstraintWork { in_box, positions, impulse, pressure, closure, leak, .. } = &mut self.work;
         let Self { rows, part, .. } = self;
         let entries = |row: usize| rows.offsets[row]..rows.offsets[row + 1];
         for (row, value) in x.iter().enumerate() {
@@ -243,13 +240,15 @@ impl<'a> Constraint<'a> {
                 impulse[rows.faces[e].0 as usize][positions[e]] += rows.weights[e] * value;
             }
         }
-        divergence(grid, &self.layout, impulse, &part.cells(), pressure);
-        poisson.solve_in(pressure, &rows.cells, closure, slabs);
-        part.plane_below(slabs, pressure, below);
-        in_box.fluxes(impulse, [pressure, below], y);
+        let cells = part.cells();
+        divergence(grid, &self.layout, impulse, &cells, pressure);
+        poisson.solve_in(pressure, &cells, closure);
+        in_box.gradients(pressure, y);
         slabs.ranks().sum(y);
-        for ((y, leak), x) in y.iter_mut().zip(leak).zip(x) {
-            *y += *leak * x;
+        for (row, (y, x)) in y.iter_mut().zip(x).enumerate() {
+            let direct =
+                entries(row).map(|e| rows.weights[e] * impulse[rows.faces[e].0 as usize][positions[e]]);
+            *y = direct.sum::<f64>() - *y + leak[row] * x;
         }
         for ((c, _), at) in rows.faces.iter().zip(positions) {
             impulse[*c as usize][*at] = 0.0;

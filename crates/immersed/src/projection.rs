@@ -69,10 +69,9 @@ impl Part {
         Self { whole: grid.all_cells(), own: slabs.own() }
     }
 
-    /// A share of the planes of the box `cells`.
-    pub(crate) fn share(cells: &Box3, slabs: &Slabs) -> Self {
-        let (own, start) = (slabs.share(cells[2].len()), cells[2].start);
-        Self { whole: cells.clone(), own: start + own.start..start + own.end }
+    /// All of the box `cells`.
+    pub(crate) fn whole(cells: &Box3) -> Self {
+        Self { whole: cells.clone(), own: cells[2].clone() }
     }
 
     /// Own cells.
@@ -93,8 +92,7 @@ impl Part {
     /// Brings the plane below the own ones of `p` from its rank to `below`.
     pub(crate) fn plane_below(&self, slabs: &Slabs, p: &[f64], below: &mut [f64]) {
         if !slabs.alone() {
-            // A rank without planes has none below it either: it comes after those that have some.
-            let last = p.len().saturating_sub(self.plane());
+            let last = p.len() - self.plane();
             slabs.ranks().shift(true, &p[last..], &mut below[..self.plane()]);
         }
     }

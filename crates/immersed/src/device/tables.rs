@@ -84,7 +84,7 @@ impl Tables {
             coupling,
             layers: queue.buffer(9 * planes),
             planes,
-            modes: [0, 1].map(|d| queue.numbers(poisson.modes(d))),
+            modes: [0, 1].map(|d| queue.numbers(&poisson.modes(d))),
             pivots: queue.numbers(poisson.pivots()),
         }
     }
