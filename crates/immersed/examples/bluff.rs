@@ -13,6 +13,7 @@ use immersed::flow::{Flow, Settings};
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
 use immersed::shapes::{self, Surface};
+use immersed::slabs::Alone;
 use nalgebra::{Rotation3, Vector3};
 
 /// Lines of the history that are printed.
@@ -92,7 +93,7 @@ fn run(
     println!("# {} constraints of {} cut faces", cut.rows.len(), cut.crossings().len());
     let own: Vec<u32> = (0..faces.len() as u32).collect();
     let transfer =
-        FaceTransfer::new(&flow.grid, nodes, faces, &own, &cut).expect("a surface in the even core");
+        FaceTransfer::new(&flow.grid, nodes, faces, &own, &cut, &Alone).expect("a surface in the even core");
     let stream = flow.settings.far;
     let (mut steps, mut parts, mut iterations, mut time) = (Vec::<Step>::new(), [0.0; 3], 0, 0.0);
     let (mut printed, mut lines) = (0, 1);

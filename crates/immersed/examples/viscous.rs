@@ -18,6 +18,7 @@ use immersed::friction::Friction;
 use immersed::grid::{End, Ends, Grid};
 use immersed::momentum::Momentum;
 use immersed::shapes::{self, Surface};
+use immersed::slabs::Alone;
 use nalgebra::Vector3;
 
 /// Lines of the history that are printed.
@@ -95,7 +96,7 @@ impl Case {
         let inside = "a surface in the even core";
         let cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect(inside);
         let own: Vec<u32> = (0..faces.len() as u32).collect();
-        let transfer = FaceTransfer::new(&flow.grid, &nodes, &faces, &own, &cut).expect(inside);
+        let transfer = FaceTransfer::new(&flow.grid, &nodes, &faces, &own, &cut, &Alone).expect(inside);
         let clock = Instant::now();
         let friction = no_slip.then(|| Friction::new(&flow.grid, &nodes, &faces).expect(inside));
         println!(

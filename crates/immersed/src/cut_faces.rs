@@ -9,6 +9,7 @@
 //! velocity and the normal force of the surface; along it the air slides, unless friction acts (`friction.rs`).
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use nalgebra::Vector3;
 
@@ -325,10 +326,15 @@ impl CutFaces {
         self.crossings[self.of_entry[self.rows.offsets[row]].start].triangle
     }
 
-    /// Where the rows lie on the surface of nodes at `scaled`: the crossings of the face of each that the surface cuts at the largest angle.
-    pub(crate) fn row_places(&self, triangles: &[[u32; 3]], scaled: &[Vector3<f64>]) -> Vec<RowPlace> {
-        let mut places = Vec::with_capacity(self.rows.len());
-        for row in 0..self.rows.len() {
+    /// Where `rows` lie on the surface of nodes at `scaled`, in their order: the crossings of the face of each that the surface cuts at the largest angle.
+    pub(crate) fn row_places(
+        &self,
+        rows: Range<usize>,
+        triangles: &[[u32; 3]],
+        scaled: &[Vector3<f64>],
+    ) -> Vec<RowPlace> {
+        let mut places = Vec::with_capacity(rows.len());
+        for row in rows {
             let entries = self.rows.offsets[row]..self.rows.offsets[row + 1];
             let first = |e: usize| &self.crossings[self.of_entry[e].start];
             let steep = |e: &usize| first(*e).normal[first(*e).axis].abs();

@@ -20,6 +20,7 @@ use nalgebra::Vector3;
 
 use crate::cut_faces::{CutFaces, OutsideCore, RowPlace, scaled_positions};
 use crate::grid::Grid;
+use crate::slabs::{Ranks, share};
 
 /// Distance at which the share of a row vanishes, in cells.
 const RADIUS: f64 = 1.5;
@@ -46,7 +47,8 @@ pub struct FaceTransfer {
 }
 
 impl FaceTransfer {
-    /// For the surface of `triangles` between nodes at `positions` (m, in the frame of the grid); `face_of` is the face of each triangle.
+    /// For the surface of `triangles` between nodes at `positions` (m, in the frame of the grid); `face_of` is the face of each triangle. Each of the
+    /// `ranks` finds the faces of its share of the rows; all get all of them.
     ///
     /// # Errors
     /// A node outside the core.
@@ -56,36 +58,30 @@ impl FaceTransfer {
         triangles: &[[u32; 3]],
         face_of: &[u32],
         cut: &CutFaces,
+        ranks: &dyn Ranks,
     ) -> Result<Self, OutsideCore> {
         let scaled = scaled_positions(grid, positions)?;
         let rows = cut.rows.len();
-        let places =
-            PlacesByCell::new(cut.row_places(triangles, &scaled), [0, 1, 2].map(|d| grid.axes[d].core.len()));
-        let mut areas: Vec<Vec<(u32, f64)>> = vec![Vec::new(); rows];
-        for (nodes, face) in triangles.iter().zip(face_of) {
-            for_samples(nodes.map(|n| scaled[n as usize]), |x, normal, area| {
-                places.near(&x, &normal, |row, share| match areas[row].last_mut() {
-                    Some((last, sum)) if last == face => *sum += area * share,
-                    _ => areas[row].push((*face, area * share)),
-                });
-            });
+        let samples = SamplesByCell::new(&scaled, triangles, face_of);
+        let own = share(rows, ranks.rank(), ranks.size());
+        let mut faces = FacesOfRow::new(face_of);
+        let mut entries = Vec::new();
+        let mut counts = vec![0.0; rows];
+        let places = cut.row_places(own.clone(), triangles, &scaled);
+        let mut places = places.iter().peekable();
+        for row in own {
+            faces.clear();
+            while let Some(place) = places.next_if(|place| place.row == row) {
+                samples.near(place, |face, area| faces.add(face, area));
+            }
+            let of_row = faces.shares(face_of[cut.triangle_of(row)]);
+            let before = entries.len();
+            entries.extend(of_row);
+            counts[row] = (entries.len() - before) as f64;
         }
-        let normals = face_normals(&scaled, triangles, face_of);
-        let mut transfer = Self { offsets: vec![0], normals, ..Self::default() };
-        for (row, areas) in areas.iter().enumerate() {
-            transfer.push(cut.rows.weight_by_axis(row), areas, face_of[cut.triangle_of(row)]);
-        }
-        Ok(transfer)
-    }
-
-    /// Adds a row with the sum `weight` of its weights (m2) and the areas of its faces; one without area acts on `nearest`.
-    fn push(&mut self, weight: Vector3<f64>, areas: &[(u32, f64)], nearest: u32) {
-        let total: f64 = areas.iter().map(|(_, area)| area).sum();
-        let alone = [(nearest, 1.0)];
-        let (areas, total) = if total > 0.0 { (areas, total) } else { (&alone[..], 1.0) };
-        self.entries.extend(areas.iter().map(|(f, area)| (*f, area / total)));
-        self.offsets.push(self.entries.len());
-        self.weights.push(weight);
+        let (offsets, entries) = gather_rows(ranks, counts, entries);
+        let weights = (0..rows).map(|row| cut.rows.weight_by_axis(row)).collect();
+        Ok(Self { offsets, entries, normals: face_normals(&scaled, triangles, face_of), weights })
     }
 
     /// Faces of a row with their shares of it.
@@ -131,7 +127,7 @@ impl FaceTransfer {
 
 /// Unit normals of faces of one or more triangles; zero for a face without area.
 fn face_normals(nodes: &[Vector3<f64>], triangles: &[[u32; 3]], face_of: &[u32]) -> Vec<Vector3<f64>> {
-    let mut normals = vec![Vector3::zeros(); face_of.iter().max().map_or(0, |f| *f as usize + 1)];
+    let mut normals = vec![Vector3::zeros(); number_of_faces(face_of)];
     for (triangle, face) in triangles.iter().zip(face_of) {
         let [a, b, c] = triangle.map(|n| nodes[n as usize]);
         normals[*face as usize] += (b - a).cross(&(c - a));
@@ -139,47 +135,149 @@ fn face_normals(nodes: &[Vector3<f64>], triangles: &[[u32; 3]], face_of: &[u32])
     normals.into_iter().map(|n: Vector3<f64>| n.try_normalize(0.0).unwrap_or_default()).collect()
 }
 
-/// Places of rows by the cell of the core that they lie in.
-struct PlacesByCell {
-    cells: [usize; 3],
-    /// First place of each cell; one more than cells.
-    offsets: Vec<u32>,
-    places: Vec<RowPlace>,
+/// Entries of all rows and the first one of each, from the own ones of each rank and the `counts` of its rows.
+fn gather_rows(
+    ranks: &dyn Ranks,
+    mut counts: Vec<f64>,
+    own: Vec<(u32, f64)>,
+) -> (Vec<usize>, Vec<(u32, f64)>) {
+    let (rows, size) = (counts.len(), ranks.size());
+    let ends: Vec<usize> = (0..size).map(|r| share(rows, r, size).end).collect();
+    ranks.gather(&mut counts, &ends);
+    let mut offsets = vec![0];
+    let mut sum = 0;
+    offsets.extend(counts.iter().map(|count| {
+        sum += *count as usize;
+        sum
+    }));
+    if size == 1 {
+        return (offsets, own);
+    }
+    let first = offsets[share(rows, ranks.rank(), size).start];
+    let mut numbers = vec![0.0; 2 * sum];
+    for (to, (face, share)) in numbers[2 * first..].chunks_exact_mut(2).zip(own) {
+        to.copy_from_slice(&[f64::from(face), share]);
+    }
+    let ends: Vec<usize> = ends.iter().map(|end| 2 * offsets[*end]).collect();
+    ranks.gather(&mut numbers, &ends);
+    (offsets, numbers.chunks_exact(2).map(|entry| (entry[0] as u32, entry[1])).collect())
 }
 
-impl PlacesByCell {
-    fn new(mut places: Vec<RowPlace>, cells: [usize; 3]) -> Self {
-        let number = |p: &RowPlace| {
-            let at = [0, 1, 2].map(|d| (p.x[d].floor().max(0.0) as usize).min(cells[d] - 1));
-            (at[2] * cells[1] + at[1]) * cells[0] + at[0]
+/// Areas of the faces of one row.
+struct FacesOfRow {
+    areas: Vec<(u32, f64)>,
+    /// Position of each face in `areas`.
+    places: Vec<u32>,
+}
+
+/// Position of a face that has no area in a row.
+const NOWHERE: u32 = u32::MAX;
+
+impl FacesOfRow {
+    fn new(face_of: &[u32]) -> Self {
+        Self { areas: Vec::new(), places: vec![NOWHERE; number_of_faces(face_of)] }
+    }
+
+    fn clear(&mut self) {
+        self.areas.drain(..).for_each(|(face, _)| self.places[face as usize] = NOWHERE);
+    }
+
+    fn add(&mut self, face: u32, area: f64) {
+        let place = &mut self.places[face as usize];
+        if *place == NOWHERE {
+            *place = self.areas.len() as u32;
+            self.areas.push((face, area));
+        } else {
+            self.areas[*place as usize].1 += area;
+        }
+    }
+
+    /// Shares of the faces; a row without area acts on `nearest`.
+    fn shares(&mut self, nearest: u32) -> impl Iterator<Item = (u32, f64)> {
+        let mut total: f64 = self.areas.iter().map(|(_, area)| area).sum();
+        if total <= 0.0 {
+            self.clear();
+            self.add(nearest, 1.0);
+            total = 1.0;
+        }
+        self.areas.iter().map(move |(face, area)| (*face, area / total))
+    }
+}
+
+/// Number of faces of which triangles are.
+fn number_of_faces(face_of: &[u32]) -> usize {
+    face_of.iter().max().map_or(0, |f| *f as usize + 1)
+}
+
+/// A point of the surface, in units of core cells.
+struct Sample {
+    x: Vector3<f64>,
+    normal: Vector3<f64>,
+    /// Its part of the area of the surface.
+    area: f64,
+    face: u32,
+}
+
+/// Samples of the surface by the cell in which they lie, in a box of cells around them.
+struct SamplesByCell {
+    /// Lowest cell and numbers of cells of the box.
+    low: [isize; 3],
+    cells: [isize; 3],
+    /// First sample of each cell; one more than cells.
+    offsets: Vec<u32>,
+    samples: Vec<Sample>,
+}
+
+impl SamplesByCell {
+    fn new(scaled: &[Vector3<f64>], triangles: &[[u32; 3]], face_of: &[u32]) -> Self {
+        let mut samples = Vec::new();
+        for (nodes, face) in triangles.iter().zip(face_of) {
+            for_samples(nodes.map(|n| scaled[n as usize]), |x, normal, area| {
+                samples.push(Sample { x, normal, area, face: *face });
+            });
+        }
+        let (mut low, mut high) = ([isize::MAX; 3], [isize::MIN; 3]);
+        for sample in &samples {
+            for d in 0..3 {
+                let cell = sample.x[d].floor() as isize;
+                (low[d], high[d]) = (low[d].min(cell), high[d].max(cell));
+            }
+        }
+        let cells = [0, 1, 2].map(|d| if samples.is_empty() { 0 } else { high[d] - low[d] + 1 });
+        let number = |s: &Sample| {
+            let at = [0, 1, 2].map(|d| s.x[d].floor() as isize - low[d]);
+            ((at[2] * cells[1] + at[1]) * cells[0] + at[0]) as usize
         };
-        places.sort_by_key(number);
-        let mut offsets = vec![0; cells.iter().product::<usize>() + 1];
-        places.iter().for_each(|p| offsets[number(p) + 1] += 1);
+        samples.sort_by_cached_key(number);
+        let mut offsets = vec![0; cells.iter().product::<isize>() as usize + 1];
+        samples.iter().for_each(|s| offsets[number(s) + 1] += 1);
         for i in 1..offsets.len() {
             offsets[i] += offsets[i - 1];
         }
-        Self { cells, offsets, places }
+        Self { low, cells, offsets, samples }
     }
 
-    /// Rows around a point of the surface with the unit normal `normal`, and what share of its area each has.
-    fn near(&self, x: &Vector3<f64>, normal: &Vector3<f64>, mut found: impl FnMut(usize, f64)) {
+    /// Faces of the samples around the place of a row, and what part of their area belongs to it.
+    fn near(&self, place: &RowPlace, mut found: impl FnMut(u32, f64)) {
         let range = |d: usize| {
-            let last = self.cells[d] - 1;
-            let cell = |x: f64| (x.floor().max(0.0) as usize).min(last);
-            cell(x[d] - RADIUS)..=cell(x[d] + RADIUS)
+            let cell = |x: f64| x.floor() as isize - self.low[d];
+            cell(place.x[d] - RADIUS).max(0)..cell(place.x[d] + RADIUS).min(self.cells[d] - 1) + 1
         };
+        let x = range(0);
+        if x.is_empty() {
+            return;
+        }
         for k in range(2) {
             for j in range(1) {
                 let line = (k * self.cells[1] + j) * self.cells[0];
-                let (from, to) = (line + range(0).start(), line + range(0).end());
-                for place in &self.places[self.offsets[from] as usize..self.offsets[to + 1] as usize] {
-                    let apart = x - place.x;
+                let [from, to] = [line + x.start, line + x.end].map(|cell| self.offsets[cell as usize]);
+                for sample in &self.samples[from as usize..to as usize] {
+                    let apart = sample.x - place.x;
                     let across = apart.dot(&place.normal);
                     let distance = apart.norm_squared() + (ACROSS * ACROSS - 1.0) * across * across;
                     let near = 1.0 - distance / (RADIUS * RADIUS);
-                    if near > 0.0 && normal.dot(&place.normal).abs() > SAME_LAYER {
-                        found(place.row, near * near);
+                    if near > 0.0 && sample.normal.dot(&place.normal).abs() > SAME_LAYER {
+                        found(sample.face, sample.area * near * near);
                     }
                 }
             }
@@ -213,6 +311,7 @@ mod tests {
     use crate::axis::Axis;
     use crate::grid::{End, Ends};
     use crate::shapes;
+    use crate::slabs::Alone;
 
     fn grid(cells: usize) -> Grid {
         let axis = || Axis::even(-1.0, 1.0, cells);
@@ -233,7 +332,7 @@ mod tests {
         let nodes: Vec<_> = nodes.iter().map(|x| x + Vector3::new(0.01, 0.02, -0.03)).collect();
         let cut = CutFaces::new(&grid, &nodes, &faces, 0.0).expect("inside");
         let own: Vec<u32> = (0..faces.len() as u32).collect();
-        let transfer = FaceTransfer::new(&grid, &nodes, &faces, &own, &cut).expect("inside");
+        let transfer = FaceTransfer::new(&grid, &nodes, &faces, &own, &cut, &Alone).expect("inside");
         Case { cut, transfer, nodes, faces }
     }
 

@@ -4,9 +4,13 @@ use std::rc::Rc;
 use std::sync::{Arc, Barrier, Mutex};
 
 use immersed::axis::Axis;
+use immersed::cut_faces::CutFaces;
+use immersed::face_transfer::FaceTransfer;
 use immersed::grid::{End, Ends, Grid};
+use immersed::poisson::Poisson;
 use immersed::shapes;
 use immersed::slabs::{Alone, Ranks, Slabs};
+use nalgebra::Vector3;
 
 use scenarios::{cases, compare_all, run, windows};
 
@@ -136,6 +140,66 @@ fn repeated_and_rejected_windows_change_no_digit() {
                 "rank {rank} of {size}: value {differ:?}"
             );
         }
+    }
+}
+
+/// Axes that are their own mirror image, whose even and odd modes the ranks share, also where there are more ranks than modes along y.
+#[test]
+fn any_number_of_ranks_solves_the_pressure_equation() {
+    let slip = Ends::Open([End::Slip, End::Slip]);
+    let outflow = Ends::Open([End::Inflow, End::Outflow]);
+    let axis = |reach: f64| Axis::stretched([-reach, reach], 0.25, [0.9; 2], 1.3, 1);
+    for y in [axis(1.1), Axis::even(0.0, 0.5, 2)] {
+        let grid = Grid::new([axis(1.0), y, axis(1.5)], [slip, slip, outflow]);
+        let n = grid.cells();
+        let plane = n[0] * n[1];
+        let source: Vec<f64> = (0..grid.count()).map(|i| (1.7 * i as f64).sin()).collect();
+        // The whole grid, and the middle of it along z.
+        let cells = [0..n[0], 0..n[1], 3..7];
+        let solve = |ranks: Rc<dyn Ranks>| {
+            let slabs = Slabs::new(ranks.clone(), &grid).expect("slabs");
+            let mut poisson = Poisson::new(&grid, &slabs);
+            let mut p = source.clone();
+            let own = slabs.own();
+            poisson.solve(&mut p[own.start * plane..own.end * plane], &slabs);
+            slabs.gather_cells(&mut p, plane);
+            let mut closure = Vec::new();
+            poisson.closure(&cells[2], &mut closure);
+            let mut in_box = source[3 * plane..7 * plane].to_vec();
+            poisson.solve_in(&mut in_box, &cells, &closure);
+            ranks.sum(&mut in_box);
+            [p, in_box]
+        };
+        let one = solve(Rc::new(Alone));
+        for size in [2, 3, 5] {
+            for (rank, found) in on_threads(size, solve).iter().enumerate() {
+                for (found, one) in found.iter().flatten().zip(one.iter().flatten()) {
+                    assert!((found - one).abs() < 1e-13, "rank {rank} of {size}, {n:?}: {found} {one}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn ranks_find_the_same_faces_of_each_row() {
+    let axis = || Axis::even(-1.0, 1.0, 24);
+    let slip = Ends::Open([End::Slip, End::Slip]);
+    let grid = Grid::new([axis(), axis(), axis()], [slip, slip, slip]);
+    let (nodes, faces) = shapes::sphere(0.6, 3);
+    let cut = CutFaces::new(&grid, &nodes, &faces, 0.0).expect("inside");
+    let own: Vec<u32> = (0..faces.len() as u32).collect();
+    let forces = |ranks: Rc<dyn Ranks>| {
+        let transfer = FaceTransfer::new(&grid, &nodes, &faces, &own, &cut, &*ranks).expect("inside");
+        let jumps: Vec<f64> = (0..cut.rows.len()).map(|row| 1.0 + (row as f64).sin()).collect();
+        let mut forces = vec![Vector3::zeros(); faces.len()];
+        transfer.add_forces(&jumps, &mut forces);
+        forces
+    };
+    let one = forces(Rc::new(Alone));
+    assert!(one.iter().all(|force| force.norm() > 0.0));
+    for size in [2, 3, 7] {
+        assert!(on_threads(size, forces).iter().all(|found| *found == one), "{size} ranks");
     }
 }
 

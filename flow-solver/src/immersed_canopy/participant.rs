@@ -356,7 +356,7 @@ impl ImmersedParticipant {
             (self.positions, self.velocities) = (motion.positions, motion.velocities);
         }
         if !motion.vertices.is_empty() {
-            let cut = Cut::new(&self.flow.grid, &self.surface, &motion.vertices);
+            let cut = Cut::new(&self.flow, &self.surface, &motion.vertices);
             let cut = cut.map_err(|e| unfit(format!("does not fit: {e}")))?;
             self.last_jumps = self.flow.jumps().to_vec();
             if self.last_jumps.len() != cut.faces.rows.len() {

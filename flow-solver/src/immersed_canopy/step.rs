@@ -16,7 +16,6 @@ use immersed::face_transfer::FaceTransfer;
 use immersed::flow::{Flow, PredictedFluxes, PressureJumps};
 use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
-use immersed::grid::Grid;
 use immersed::pressure_jumps::SolveHistory;
 use nalgebra::Vector3;
 
@@ -45,26 +44,28 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// For vertices of the surface in coordinates of the grid, m.
+    /// For vertices of the surface in coordinates of the grid, m. Collective.
     ///
     /// # Errors
     /// A node outside the even cells.
-    pub fn new(grid: &Grid, surface: &CanopySurface, vertices: &[Vector3<f64>]) -> Result<Self, OutsideCore> {
-        let faces = CutFaces::new(grid, vertices, &surface.triangles, 1.0)?;
-        let transfer = FaceTransfer::new(grid, vertices, &surface.triangles, &surface.face_of, &faces)?;
+    pub fn new(flow: &Flow, surface: &CanopySurface, vertices: &[Vector3<f64>]) -> Result<Self, OutsideCore> {
+        let CanopySurface { triangles, face_of, .. } = surface;
+        let (grid, ranks) = (&flow.grid, &**flow.slabs().ranks());
+        let faces = CutFaces::new(grid, vertices, triangles, 1.0)?;
+        let transfer = FaceTransfer::new(grid, vertices, triangles, face_of, &faces, ranks)?;
         Ok(Self { areas: faces.rows.permeability.clone(), vertices: vertices.to_vec(), faces, transfer })
     }
 
     /// That of the `last` step where the surface has not moved in the grid since, else a new one.
     fn from_last(
         last: Option<&Self>,
-        grid: &Grid,
+        flow: &Flow,
         surface: &CanopySurface,
         vertices: &[Vector3<f64>],
     ) -> Result<Self, OutsideCore> {
         match last.filter(|last| last.vertices == vertices) {
             Some(last) => Ok(last.clone()),
-            None => Self::new(grid, surface, vertices),
+            None => Self::new(flow, surface, vertices),
         }
     }
 
@@ -258,7 +259,7 @@ impl OpenWindow {
             nodes = predicted(start, time, spacing);
             vertices = surface.vertices(&nodes, start.origin + drift * time);
             let before = cuts.last().or(last.map(|(cut, _)| cut));
-            let cut = Cut::from_last(before, &flow.grid, surface, &vertices)?;
+            let cut = Cut::from_last(before, flow, surface, &vertices)?;
             cuts.push(cut);
         }
         let velocities: Vec<_> = start.velocities.iter().map(|v| v + start.frame).collect();
@@ -441,8 +442,9 @@ impl OpenWindow {
 mod tests {
     use immersed::axis::Axis;
     use immersed::flow::Settings;
-    use immersed::grid::{End, Ends};
+    use immersed::grid::{End, Ends, Grid};
     use immersed::momentum::Momentum;
+    use immersed::slabs::Alone;
 
     use super::*;
     use crate::permeable::Permeability;
@@ -475,7 +477,8 @@ mod tests {
         let triangles = [[0u32, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]];
         let face_of = [0u32, 0, 1, 1];
         let faces = CutFaces::new(&grid, &vertices, &triangles, 1.0).expect("inside the grid");
-        let transfer = FaceTransfer::new(&grid, &vertices, &triangles, &face_of, &faces).expect("inside");
+        let transfer =
+            FaceTransfer::new(&grid, &vertices, &triangles, &face_of, &faces, &Alone).expect("inside");
         let areas = faces.rows.permeability.clone();
         let mut cut = Cut { areas: areas.clone(), vertices: vertices.to_vec(), faces, transfer };
         let cloth = FacePermeability::by_face(vec![None, Some(Permeability::new(100.0, 50.0))]);
