@@ -104,6 +104,30 @@ class Snapshots(unittest.TestCase):
         self.assertEqual(found.cell_data["pressure_pa"].tolist(), [0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14, 15])
         np.testing.assert_array_equal(found.points[found.cells["triangle"][2]], POINTS[:3] + 100)
 
+    def test_rectilinear_grid_has_its_hexahedra(self):
+        x, y, z = np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0]), np.array([-1.0, 0.0, 1.0])
+        array = lambda values, name="": (  # noqa: E731
+            f'<DataArray type="Float64" Name="{name}" format="binary">{text_of(values, "binary", "lz4")}</DataArray>'
+        )
+        text = (
+            '<VTKFile type="RectilinearGrid" byte_order="LittleEndian" header_type="UInt64" '
+            'compressor="vtkLZ4DataCompressor"><RectilinearGrid WholeExtent="0 2 0 1 0 2"><Piece Extent="0 2 0 1 0 2">'
+            f'<CellData>{array(np.arange(4.0), "pressure_pa")}</CellData>'
+            f"<Coordinates>{array(x)}{array(y)}{array(z)}</Coordinates></Piece></RectilinearGrid></VTKFile>"
+        )
+        found = read_snapshot([file("v/a.vtr", text)])
+        self.assertEqual(found.cells["hexahedron"].shape, (4, 8))
+        corners = found.points[found.cells["hexahedron"]]
+        # Corners as VTK numbers those of a hexahedron, cells with x fastest.
+        self.assertEqual(
+            corners[3].tolist(),
+            [[1, 0, 0], [3, 0, 0], [3, 2, 0], [1, 2, 0], [1, 0, 1], [3, 0, 1], [3, 2, 1], [1, 2, 1]],
+        )
+        self.assertEqual(corners[0, 6].tolist(), [1, 2, 0])
+        self.assertEqual(found.cell_data["pressure_pa"].tolist(), [0, 1, 2, 3])
+        with self.assertRaisesRegex(ResultsError, "other coordinates than the extent"):
+            read_snapshot([file("v/b.vtr", text.replace('Piece Extent="0 2', 'Piece Extent="0 3'))])
+
     def test_meshio_has_blocks_with_their_data(self):
         mesh = read_snapshot([vtu("v/a.vtu", "binary", "lz4")]).meshio()
         self.assertEqual([b.type for b in mesh.cells], ["triangle", "polygon", "polygon", "quad", "tetra"])

@@ -1,4 +1,4 @@
-//! Pictures for ParaView: `.vtu` files (XML, LZ4, base64) and `.pvd` time series.
+//! Pictures for ParaView: `.vtu` and `.vtr` files (XML, LZ4, base64) and `.pvd` time series.
 //!
 //! Every file is written aside and renamed, so a reader never sees half of one.
 
@@ -9,8 +9,8 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, ElementType, IOBuffer, UnstructuredGridPiece,
-    Version, VertexNumbers, Vtk,
+    Attribute, Attributes, ByteOrder, CellType, Cells, Coordinates, DataSet, ElementType, Extent, IOBuffer,
+    RectilinearGridPiece, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
 use vtkio::xml::Compressor;
@@ -99,18 +99,31 @@ fn write(
     point_data: &[Field],
     cell_data: &[Field],
 ) -> Result<(), MeshError> {
-    let compressor = compressor(points, &cells, &[point_data, cell_data]);
+    let topology = match &cells.cell_verts {
+        VertexNumbers::XML { connectivity, offsets } => {
+            [size_of_val(&connectivity[..]), size_of_val(&offsets[..])]
+        }
+        VertexNumbers::Legacy { .. } => [0; 2],
+    };
+    // Kinds of cells take a byte each.
+    let [connectivity, offsets] = topology;
+    let arrays = [size_of_val(points), connectivity, offsets, cells.types.len()];
+    let compressor = compressor(&arrays, &[point_data, cell_data]);
     let data = Attributes {
         point: attributes(point_data, points.len(), "values of a point field")?,
         cell: attributes(cell_data, cells.types.len(), "values of a cell field")?,
     };
     let piece = UnstructuredGridPiece { points: points.as_flattened().to_vec().into(), cells, data };
+    write_file(path, DataSet::inline(piece), compressor)
+}
+
+fn write_file(path: &Path, data: DataSet, compressor: Compressor) -> Result<(), MeshError> {
     let file = Vtk {
         version: Version::new_xml(1, 0),
         title: String::new(),
         byte_order: ByteOrder::LittleEndian,
         file_path: None,
-        data: DataSet::inline(piece),
+        data,
     };
     write_aside(path, |out| {
         let xml = file.try_into_xml_format(compressor, FAST).map_err(|e| e.to_string())?;
@@ -124,8 +137,8 @@ const FAST: u32 = 1;
 const BLOCK: usize = 32_768;
 
 /// LZ4, for a snapshot stops the solvers and zlib would take ten times longer to save little more; nothing
-/// where an array fills its blocks exactly: vtkio then adds an empty block, which VTK takes for a full one.
-fn compressor(points: &[Point], cells: &Cells, fields: &[&[Field]]) -> Compressor {
+/// where an array fills its blocks exactly: vtkio then adds an empty block, which VTK takes for a full one. `arrays`: bytes of those besides `fields`.
+fn compressor(arrays: &[usize], fields: &[&[Field]]) -> Compressor {
     let field = |values: &Values| match values {
         Values::F64(v) => size_of_val(*v),
         Values::F32(v) => size_of_val(*v),
@@ -133,16 +146,8 @@ fn compressor(points: &[Point], cells: &Cells, fields: &[&[Field]]) -> Compresso
         Values::Vector(v) => size_of_val(*v),
         Values::Vector32(v) => size_of_val(*v),
     };
-    let topology = match &cells.cell_verts {
-        VertexNumbers::XML { connectivity, offsets } => {
-            [size_of_val(&connectivity[..]), size_of_val(&offsets[..])]
-        }
-        VertexNumbers::Legacy { .. } => [0; 2],
-    };
-    // Kinds of cells take a byte each.
-    let arrays = [size_of_val(points), cells.types.len()].into_iter().chain(topology);
     let fields = fields.iter().flat_map(|f| f.iter()).map(|(_, values)| field(values));
-    if arrays.chain(fields).any(|bytes: usize| bytes.is_multiple_of(BLOCK)) {
+    if arrays.iter().copied().chain(fields).any(|bytes: usize| bytes.is_multiple_of(BLOCK)) {
         Compressor::None
     } else {
         Compressor::LZ4
@@ -183,6 +188,26 @@ pub fn write_volume(
     cell_data: &[Field],
 ) -> Result<(), MeshError> {
     write(path, points, collect(cells.iter().map(volume_cell)), point_data, cell_data)
+}
+
+/// Writes a rectilinear grid as `.vtr`, which needs no nodes and cells: coordinates of the faces of its cells along x, y and z, ascending, m, and
+/// fields of the cells, x fastest.
+///
+/// # Errors
+/// Field lengths that do not fit, an axis without cells, or the file cannot be written.
+pub fn write_rectilinear(path: &Path, faces: [&[f64]; 3], cell_data: &[Field]) -> Result<(), MeshError> {
+    if let Some(axis) = faces.iter().find(|axis| axis.len() < 2) {
+        return Err(MeshError::Count { what: "faces along an axis", found: axis.len(), expected: 2 });
+    }
+    let cells = faces.iter().map(|axis| axis.len() - 1).product();
+    let compressor = compressor(&faces.map(size_of_val), &[cell_data]);
+    let [x, y, z] = faces.map(|axis| IOBuffer::from(axis.to_vec()));
+    let piece = RectilinearGridPiece {
+        extent: Extent::Ranges(faces.map(|axis| 0..=axis.len() as i32 - 1)),
+        coords: Coordinates { x, y, z },
+        data: Attributes { point: Vec::new(), cell: attributes(cell_data, cells, "values of a cell field")? },
+    };
+    write_file(path, DataSet::inline(piece), compressor)
 }
 
 fn collect(shapes: impl Iterator<Item = (CellType, Vec<u32>)>) -> Cells {
@@ -356,6 +381,45 @@ mod tests {
             assert_eq!((p.name.as_str(), p.data.cast_into::<f64>().unwrap()), ("pressure_pa", pressure));
         }
         assert_eq!(fs::read_dir(path.parent().unwrap()).unwrap().count(), 1, "leftovers");
+    }
+
+    #[test]
+    fn rectilinear_grid_is_read_as_its_hexahedra() {
+        let folder = tempfile::tempdir().unwrap();
+        let (rectilinear, volume) = (folder.path().join("flow.vtr"), folder.path().join("flow.vtu"));
+        // Enough cells for several blocks of an array, and a number of values that fills blocks to the byte.
+        for n in [[3, 2, 2], [40, 20, 15], [32, 16, 8]] {
+            let faces = n.map(|n| (0..=n).map(|i| 0.1 * f64::from(i * i)).collect::<Vec<_>>());
+            let mut nodes = Vec::new();
+            for z in &faces[2] {
+                for y in &faces[1] {
+                    nodes.extend(faces[0].iter().map(|x| [*x, *y, *z]));
+                }
+            }
+            let node = |i: i32, j: i32, k: i32| ((k * (n[1] + 1) + j) * (n[0] + 1) + i) as u32;
+            let mut cells = Vec::new();
+            for at in 0..n[0] * n[1] * n[2] {
+                let [i, j, k] = [at % n[0], at / n[0] % n[1], at / (n[0] * n[1])];
+                let ring =
+                    |k: i32| [node(i, j, k), node(i + 1, j, k), node(i + 1, j + 1, k), node(i, j + 1, k)];
+                let ([a, b, c, d], [e, f, g, h]) = (ring(k), ring(k + 1));
+                cells.push([a, b, c, d, e, f, g, h]);
+            }
+            let pressure: Vec<f32> = (0..cells.len()).map(|i| (i as f32 * 0.3).sin()).collect();
+            let velocity: Vec<[f32; 3]> = pressure.iter().map(|p| [*p, 2.0 * p, 1.0]).collect();
+            let fields =
+                [("pressure_pa", Values::F32(&pressure)), ("velocity_m_s", Values::Vector32(&velocity))];
+            let axes = faces.each_ref().map(|axis| &axis[..]);
+            write_rectilinear(&rectilinear, axes, &fields).unwrap();
+            write_volume(&volume, &nodes, &cells, &[], &fields).unwrap();
+            let [found, expected] = [&rectilinear, &volume].map(|path| read::Piece::read(path).unwrap());
+            assert_eq!(found, expected, "{n:?}");
+            assert_eq!(found.vtk_type(0), 12);
+        }
+        let wrong = write_rectilinear(&rectilinear, [&[0.0, 1.0][..]; 3], &[("x", Values::F64(&[1.0, 2.0]))]);
+        assert!(matches!(wrong, Err(MeshError::Count { found: 2, expected: 1, .. })));
+        let wrong = write_rectilinear(&rectilinear, [&[0.0, 1.0], &[0.0], &[0.0, 1.0]], &[]);
+        assert!(matches!(wrong, Err(MeshError::Count { found: 1, expected: 2, .. })));
     }
 
     #[test]

@@ -127,8 +127,14 @@ pub const RUN: &[ResultFile] = &[
         "{stage}/flow/flow_{number}_{rank}.vtu",
         FLOW,
         "`output.volume_every_windows`",
-        "Flow in the cells of a rank, or in planes of the Cartesian grid: pressure, velocities, Mach number, vorticity, Q criterion; with \
-         `[flow.statistics]` means and fluctuations. VTK XML.",
+        "Flow in the cells of a rank: pressure, velocities, Mach number, vorticity, Q criterion; with `[flow.statistics]` means and \
+         fluctuations. VTK XML.",
+    ),
+    file(
+        "{stage}/flow/flow_{number}_{part}.vtr",
+        FLOW,
+        "`output.volume_every_windows`, with `[flow.immersed]`",
+        "The same fields in planes of the Cartesian grid. VTK XML, rectilinear.",
     ),
     file("{stage}/probes.csv", FLOW, "each accepted window, with `[[flow.probe]]`", "Values at points, CSV."),
     file(

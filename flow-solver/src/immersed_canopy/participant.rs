@@ -719,9 +719,6 @@ impl Participant for ImmersedParticipant {
     fn snapshot(&mut self, time: f64, folder: &Path) -> Result<(), Fault> {
         let _part = timing::part("snapshot");
         self.flow.gather();
-        if !self.is_root() {
-            return Ok(());
-        }
         let place = Place {
             origin: self.grid.origin,
             wind: self.wind.at(self.time).into(),

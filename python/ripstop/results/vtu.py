@@ -1,4 +1,4 @@
-"""Snapshots: VTK XML files of unstructured grids and their time series (`.pvd`)."""
+"""Snapshots: VTK XML files of unstructured and rectilinear grids and their time series (`.pvd`)."""
 
 import base64
 import zlib
@@ -153,8 +153,8 @@ def _joined(files, fields):
     return {name: np.concatenate([piece[name] for piece in fields]) for name in fields[0]}
 
 
-def _parse(path, kind):
-    """Root of a VTK XML file of this kind."""
+def _parse(path, *kinds):
+    """Root of a VTK XML file of one of these kinds."""
     try:
         root = ElementTree.parse(path).getroot()
     except FileNotFoundError:
@@ -173,32 +173,23 @@ def _parse(path, kind):
             "read it again, or repeat the run",
             line=error.position[0],
         ) from None
-    if root.get("type") != kind:
-        raise ResultsError(path, f"the file is of type {root.get('type')}, not {kind}", "name a file of a run")
+    if root.get("type") not in kinds:
+        raise ResultsError(
+            path, f"the file is of type {root.get('type')}, not {' or '.join(kinds)}", "name a file of a run"
+        )
     return root
 
 
 def _pieces(path):
     """Points, connectivity, offsets, types, point data and cell data of each piece of a file."""
-    root = _parse(path, "UnstructuredGrid")
+    root = _parse(path, "UnstructuredGrid", "RectilinearGrid")
     order = "<" if root.get("byte_order", "LittleEndian") == "LittleEndian" else ">"
     arrays = _Arrays(path, order, root.get("header_type", "UInt32"), root.get("compressor", ""))
+    geometry = _unstructured if root.get("type") == "UnstructuredGrid" else _rectilinear
     for piece in root.iter("Piece"):
-        n_points, n_cells = int(piece.attrib["NumberOfPoints"]), int(piece.attrib["NumberOfCells"])
-        cells = {a.get("Name"): arrays.read(a) for a in piece.findall("Cells/DataArray")}
-        points = piece.find("Points/DataArray")
-        if points is None or not {"connectivity", "offsets", "types"} <= set(cells):
-            raise ResultsError(path, "a piece has no points or no cells", "repeat the run")
-        points, ends = arrays.read(points).astype(np.float64), cells["offsets"].astype(np.int64)
-        nodes = len(cells["connectivity"])
-        if (
-            len(points) != n_points
-            or not len(ends) == len(cells["types"]) == n_cells
-            or nodes != (ends[-1] if n_cells else 0)
-        ):
-            raise ResultsError(path, "a piece has other numbers of points or cells than it states", "repeat the run")
+        points, connectivity, offsets, types = geometry(path, piece, arrays)
         fields = []
-        for kind, count in (("PointData", n_points), ("CellData", n_cells)):
+        for kind, count in (("PointData", len(points)), ("CellData", len(types))):
             read = {a.get("Name"): arrays.read(a) for a in piece.findall(f"{kind}/DataArray")}
             for name, field in read.items():
                 if len(field) != count:
@@ -206,13 +197,51 @@ def _pieces(path):
                         path, f"field `{name}` has {len(field)} rows, expected {count}", "repeat the run"
                     )
             fields.append(read)
-        yield (
-            points,
-            cells["connectivity"].astype(np.int64),
-            np.concatenate([[0], ends]),
-            cells["types"].astype(np.uint8),
-            *fields,
-        )
+        yield (points, connectivity, offsets, types, *fields)
+
+
+def _unstructured(path, piece, arrays):
+    """Points, connectivity, offsets and types of a piece."""
+    n_points, n_cells = int(piece.attrib["NumberOfPoints"]), int(piece.attrib["NumberOfCells"])
+    cells = {a.get("Name"): arrays.read(a) for a in piece.findall("Cells/DataArray")}
+    points = piece.find("Points/DataArray")
+    if points is None or not {"connectivity", "offsets", "types"} <= set(cells):
+        raise ResultsError(path, "a piece has no points or no cells", "repeat the run")
+    points, ends = arrays.read(points).astype(np.float64), cells["offsets"].astype(np.int64)
+    nodes = len(cells["connectivity"])
+    if (
+        len(points) != n_points
+        or not len(ends) == len(cells["types"]) == n_cells
+        or nodes != (ends[-1] if n_cells else 0)
+    ):
+        raise ResultsError(path, "a piece has other numbers of points or cells than it states", "repeat the run")
+    return (
+        points,
+        cells["connectivity"].astype(np.int64),
+        np.concatenate([[0], ends]),
+        cells["types"].astype(np.uint8),
+    )
+
+
+# Corners of a cell of a rectilinear grid in the order of VTK's hexahedra.
+_CORNERS = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+
+
+def _rectilinear(path, piece, arrays):
+    """The cells of a piece as hexahedra: points, connectivity, offsets and types."""
+    axes = [arrays.read(a).astype(np.float64) for a in piece.findall("Coordinates/DataArray")]
+    extent = [int(n) for n in piece.attrib["Extent"].split()]
+    faces = [last - first + 1 for first, last in zip(extent[::2], extent[1::2], strict=True)]
+    if [len(axis) for axis in axes] != faces or min(faces, default=0) < 1:
+        raise ResultsError(path, "an axis has other coordinates than the extent of the grid", "repeat the run")
+    x, y, z = axes
+    nx, ny, nz = (n - 1 for n in faces)
+    points = np.empty((nz + 1, ny + 1, nx + 1, 3))
+    points[..., 0], points[..., 1], points[..., 2] = x, y[:, None], z[:, None, None]
+    number = np.arange((nx + 1) * (ny + 1) * (nz + 1)).reshape(nz + 1, ny + 1, nx + 1)
+    nodes = np.stack([number[k : nz + k, j : ny + j, i : nx + i].ravel() for i, j, k in _CORNERS], axis=1)
+    count = len(nodes)
+    return points.reshape(-1, 3), nodes.ravel(), 8 * np.arange(count + 1), np.full(count, 12, dtype=np.uint8)
 
 
 class _Arrays:

@@ -1,9 +1,12 @@
-//! Snapshots read back: what [`super::write_surface`], [`super::write_volume`] and
+//! Snapshots read back: what [`super::write_surface`], [`super::write_volume`], [`super::write_rectilinear`] and
 //! [`super::Series`] wrote.
 
 use std::path::{Path, PathBuf};
 
-use vtkio::model::{Attribute, CellType, DataSet, IOBuffer, Vtk};
+use vtkio::model::{
+    Attribute, Attributes, CellType, Coordinates, DataSet, IOBuffer, Piece as Loadable, PieceData,
+    RectilinearGridPiece, UnstructuredGridPiece, Vtk,
+};
 
 use super::Series;
 use crate::{MeshError, Point};
@@ -13,7 +16,7 @@ use crate::{MeshError, Point};
 pub struct Snapshot {
     /// Time, s.
     pub time: f64,
-    /// The `.vtu` files.
+    /// The `.vtu` or `.vtr` files.
     pub files: Vec<PathBuf>,
 }
 
@@ -69,8 +72,8 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-/// Points, cells and fields of one `.vtu` file.
-#[derive(Clone, Debug, Default)]
+/// Points, cells and fields of one `.vtu` or `.vtr` file.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Piece {
     /// Positions, m.
     pub points: Vec<Point>,
@@ -84,22 +87,26 @@ pub struct Piece {
 }
 
 impl Piece {
-    /// Reads a `.vtu` file.
+    /// Reads a `.vtu` file, or a `.vtr` file as the hexahedra of its cells.
     ///
     /// # Errors
-    /// A file that is missing, no unstructured grid, or contradicts itself.
+    /// A file that is missing, no unstructured or rectilinear grid, or contradicts itself.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
         let wrong = |reason: String| MeshError::File { path: path.into(), reason };
         std::fs::metadata(path).map_err(|source| MeshError::Io { path: path.into(), source })?;
-        let DataSet::UnstructuredGrid { pieces, .. } =
-            Vtk::import(path).map_err(|e| wrong(e.to_string()))?.data
-        else {
-            return Err(wrong("the file has no unstructured grid".into()));
-        };
-        let [piece] = <[_; 1]>::try_from(pieces).map_err(|p| wrong(format!("{} pieces, not 1", p.len())))?;
-        let piece = piece.into_loaded_piece_data(Some(path)).map_err(|e| wrong(e.to_string()))?;
-        let numbers = || wrong("an array has values that are not numbers".into());
-        let points = piece.points.cast_into::<f64>().ok_or_else(numbers)?.as_chunks::<3>().0.to_vec();
+        let (mut piece, data) = match Vtk::import(path).map_err(|e| wrong(e.to_string()))?.data {
+            DataSet::UnstructuredGrid { pieces, .. } => Self::unstructured(only(pieces, path)?),
+            DataSet::RectilinearGrid { pieces, .. } => Self::rectilinear(only(pieces, path)?),
+            _ => return Err(wrong("the file has no unstructured and no rectilinear grid".into())),
+        }
+        .map_err(wrong)?;
+        piece.cell_fields = columns(data.cell, piece.n_cells()).map_err(wrong)?;
+        piece.point_fields = columns(data.point, piece.points.len()).map_err(wrong)?;
+        Ok(piece)
+    }
+
+    fn unstructured(piece: UnstructuredGridPiece) -> Result<(Self, Attributes), String> {
+        let points = piece.points.cast_into::<f64>().ok_or(NO_NUMBERS)?.as_chunks::<3>().0.to_vec();
         let kinds = piece.cells.types;
         let (connectivity, offsets) = piece.cells.cell_verts.into_xml();
         let ends: Vec<usize> = offsets.iter().map(|&o| o as usize).collect();
@@ -108,37 +115,47 @@ impl Piece {
             && ends.last().copied().unwrap_or(0) == connectivity.len()
             && connectivity.iter().all(|&n| n < points.len() as u64);
         if !sound {
-            return Err(wrong("a cell refers to a point that does not exist".into()));
+            return Err("a cell refers to a point that does not exist".into());
         }
-        let columns = |attributes: Vec<Attribute>, rows: usize| {
-            let mut columns = Vec::new();
-            for attribute in attributes {
-                let Attribute::DataArray(array) = attribute else { continue };
-                let number = Number::of(&array.data);
-                let values = array.data.cast_into::<f64>().ok_or_else(numbers)?;
-                // A structure of cables has no cells of fabric.
-                if rows == 0 && values.is_empty() {
-                    continue;
-                }
-                if rows == 0 || values.len() % rows != 0 {
-                    return Err(wrong(format!(
-                        "`{}` has {} values for {rows} rows",
-                        array.name,
-                        values.len()
-                    )));
-                }
-                columns.push(Column { name: array.name, width: values.len() / rows, number, values });
+        let nodes = connectivity.iter().map(|&n| n as u32).collect();
+        Ok((Self { nodes, points, ends, kinds, ..Self::default() }, piece.data))
+    }
+
+    fn rectilinear(piece: RectilinearGridPiece) -> Result<(Self, Attributes), String> {
+        let numbers = |axis: IOBuffer| axis.cast_into::<f64>().ok_or(NO_NUMBERS);
+        let Coordinates { x, y, z } = piece.coords;
+        let [x, y, z] = [numbers(x)?, numbers(y)?, numbers(z)?];
+        let extent = piece.extent.into_ranges().map(|range| range.count());
+        if extent != [x.len(), y.len(), z.len()] || extent.contains(&0) {
+            return Err("an axis has other coordinates than the extent of the grid".into());
+        }
+        let [nx, ny, nz] = extent.map(|faces| faces - 1);
+        let mut points = Vec::with_capacity(x.len() * y.len() * z.len());
+        for z in &z {
+            for y in &y {
+                points.extend(x.iter().map(|x| [*x, *y, *z]));
             }
-            Ok(columns)
-        };
-        Ok(Self {
-            cell_fields: columns(piece.data.cell, kinds.len())?,
-            point_fields: columns(piece.data.point, points.len())?,
-            nodes: connectivity.iter().map(|&n| n as u32).collect(),
-            points,
-            ends,
-            kinds,
-        })
+        }
+        let mut nodes = Vec::with_capacity(8 * nx * ny * nz);
+        let node = |i: usize, j: usize, k: usize| ((k * (ny + 1) + j) * (nx + 1) + i) as u32;
+        for k in 0..nz {
+            for j in 0..ny {
+                for i in 0..nx {
+                    for k in [k, k + 1] {
+                        nodes.extend([
+                            node(i, j, k),
+                            node(i + 1, j, k),
+                            node(i + 1, j + 1, k),
+                            node(i, j + 1, k),
+                        ]);
+                    }
+                }
+            }
+        }
+        let count = nx * ny * nz;
+        let ends = (1..=count).map(|cell| 8 * cell).collect();
+        let kinds = vec![CellType::Hexahedron; count];
+        Ok((Self { points, nodes, ends, kinds, ..Self::default() }, piece.data))
     }
 
     /// Number of cells.
@@ -194,6 +211,35 @@ impl Piece {
     pub fn point_field(&self, name: &str) -> Option<&Column> {
         self.point_fields.iter().find(|c| c.name == name)
     }
+}
+
+/// What is wrong with an array of texts.
+const NO_NUMBERS: &str = "an array has values that are not numbers";
+
+/// The only piece of a file.
+fn only<P: PieceData>(pieces: Vec<Loadable<P>>, path: &Path) -> Result<P, MeshError> {
+    let wrong = |reason: String| MeshError::File { path: path.into(), reason };
+    let [piece] = <[_; 1]>::try_from(pieces).map_err(|p| wrong(format!("{} pieces, not 1", p.len())))?;
+    piece.into_loaded_piece_data(Some(path)).map_err(|e| wrong(e.to_string()))
+}
+
+/// The fields of `attributes` with this number of rows.
+fn columns(attributes: Vec<Attribute>, rows: usize) -> Result<Vec<Column>, String> {
+    let mut columns = Vec::new();
+    for attribute in attributes {
+        let Attribute::DataArray(array) = attribute else { continue };
+        let number = Number::of(&array.data);
+        let values = array.data.cast_into::<f64>().ok_or(NO_NUMBERS)?;
+        // A structure of cables has no cells of fabric.
+        if rows == 0 && values.is_empty() {
+            continue;
+        }
+        if rows == 0 || values.len() % rows != 0 {
+            return Err(format!("`{}` has {} values for {rows} rows", array.name, values.len()));
+        }
+        columns.push(Column { name: array.name, width: values.len() / rows, number, values });
+    }
+    Ok(columns)
 }
 
 #[cfg(test)]
