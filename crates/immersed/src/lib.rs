@@ -31,6 +31,7 @@ pub mod free_edges;
 pub mod friction;
 pub mod grid;
 pub mod momentum;
+mod multilevel;
 pub mod placement;
 pub mod pockets;
 pub mod poisson;

@@ -3,6 +3,7 @@
 use crate::constraints::{FluxConstraints, OwnFaces};
 use crate::flow::{Flow, PredictedFluxes, PressureJumps};
 use crate::grid::{Layout, Velocity};
+use crate::multilevel::Multilevel;
 use crate::projection::{Part, divergence};
 
 /// Limit of iterations.
@@ -73,8 +74,9 @@ pub(crate) struct ConstraintWork {
     /// Velocity through the cloth over its jump, times area, and diagonal of the system.
     leak: Vec<f64>,
     diagonal: Vec<f64>,
-    /// Product, residual, direction.
-    vectors: [Vec<f64>; 3],
+    groups: Multilevel,
+    /// Product, residual, direction, preconditioned residual.
+    vectors: [Vec<f64>; 4],
 }
 
 impl Flow {
@@ -181,6 +183,10 @@ fn airtight_leak(rows: &FluxConstraints, row: usize, factor: f64) -> f64 {
     rows.leak[row] * own_response(rows, row, factor)
 }
 
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 /// The system of the pressure jumps.
 struct Constraint<'a> {
     flow: &'a mut Flow,
@@ -209,6 +215,7 @@ impl<'a> Constraint<'a> {
         work.diagonal.clear();
         work.diagonal
             .extend(work.leak.iter().enumerate().map(|(r, leak)| own_response(rows, r, factor) + leak));
+        work.groups.set(rows, &flow.grid, &work.leak, &work.diagonal);
         if let Some(device) = &mut flow.device {
             let on_device = device.prepare(&flow.grid, rows, &work.leak, &work.closure);
             return Self { flow, rows, part, layout, work, factor, on_device };
@@ -255,7 +262,7 @@ impl<'a> Constraint<'a> {
         }
     }
 
-    /// Conjugate gradients from `x`; iterations and relative residual. `speeds`: largest one at the faces of each row, m/s, for the residual that is
+    /// Preconditioned conjugate gradients from `x`; iterations and relative residual. `speeds`: largest one at the faces of each row, m/s, for the residual that is
     /// round-off.
     fn solve(
         &mut self,
@@ -264,8 +271,9 @@ impl<'a> Constraint<'a> {
         x: &mut [f64],
         mut history: Option<&mut SolveHistory>,
     ) -> (usize, f64) {
-        let [mut q, mut r, mut d] = std::mem::take(&mut self.work.vectors);
+        let [mut q, mut r, mut d, mut z] = std::mem::take(&mut self.work.vectors);
         let diagonal = std::mem::take(&mut self.work.diagonal);
+        let mut groups = std::mem::take(&mut self.work.groups);
         let scale = |r: &[f64]| -> f64 { r.iter().zip(&diagonal).map(|(r, d)| r * r / d).sum() };
         let first = scale(b);
         let round_off = self.round_off(speeds, &diagonal);
@@ -274,13 +282,15 @@ impl<'a> Constraint<'a> {
         r.clear();
         r.extend_from_slice(b);
         self.start(x, &mut q, &mut r, history.as_deref());
-        let mut rho = scale(&r);
-        d.clear();
-        d.extend(r.iter().zip(&diagonal).map(|(r, m)| r / m));
+        let mut residual = scale(&r);
+        z.resize(b.len(), 0.0);
+        groups.apply(&diagonal, &r, &mut z);
+        d.clone_from(&z);
+        let mut rho = dot(&r, &z);
         let mut iterations = 0;
-        while rho > target && rho > 0.0 && iterations < MAX_ITERATIONS {
+        while residual > target && rho > 0.0 && iterations < MAX_ITERATIONS {
             self.apply(&d, &mut q);
-            let curvature = d.iter().zip(&q).map(|(d, q)| d * q).sum::<f64>();
+            let curvature = dot(&d, &q);
             let alpha = rho / curvature;
             for i in 0..b.len() {
                 x[i] += alpha * d[i];
@@ -289,12 +299,12 @@ impl<'a> Constraint<'a> {
             if let Some(history) = &mut history {
                 history.push(&d, &q, curvature);
             }
+            residual = scale(&r);
+            groups.apply(&diagonal, &r, &mut z);
             let before = rho;
-            rho = scale(&r);
+            rho = dot(&r, &z);
             let beta = rho / before;
-            for i in 0..b.len() {
-                d[i] = r[i] / diagonal[i] + beta * d[i];
-            }
+            d.iter_mut().zip(&z).for_each(|(d, z)| *d = z + beta * *d);
             iterations += 1;
         }
         if let Some(history) = history {
@@ -303,9 +313,9 @@ impl<'a> Constraint<'a> {
             history.product.clear();
             history.product.extend(b.iter().zip(&r).map(|(b, r)| b - r));
         }
-        self.work.vectors = [q, r, d];
-        self.work.diagonal = diagonal;
-        (iterations, if first > round_off { (rho / first).sqrt() } else { 0.0 })
+        self.work.vectors = [q, r, d, z];
+        (self.work.diagonal, self.work.groups) = (diagonal, groups);
+        (iterations, if first > round_off { (residual / first).sqrt() } else { 0.0 })
     }
 
     /// Takes the product of the first jumps with the matrix from the residual `r`. With a history they are the best ones that it has.
