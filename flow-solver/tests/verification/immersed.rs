@@ -154,7 +154,7 @@ fn grid_moves_at_its_own_velocity(comm: &Comm) {
     solve(&mut p, &w, &rest);
     p.accept(&w).expect("accepted");
     p.snapshot(DT, folder.path()).expect("written");
-    let [before, after] = ["flow/flow_00000_0.vtu", "flow/flow_00001_0.vtu"].map(|name| {
+    let [before, after] = ["flow/flow_00000_0.vtr", "flow/flow_00001_0.vtr"].map(|name| {
         mesh::vtk::read::Piece::read(&folder.path().join(name)).unwrap_or_else(|e| panic!("{e}")).points[0]
     });
     let moved = after[2] - before[2];
