@@ -23,6 +23,14 @@ duration_s = 0.2
 window_s = 2e-2
 
 ";
+/// The second of them.
+const DEVELOPED: &str = "[[stage]]
+name = \"developed-flow\"
+kind = \"flow-only\"
+duration_s = 0.2
+window_s = 2e-2
+
+";
 
 /// The small descent with a Cartesian grid, 12 windows.
 fn immersed(folder: &Path, more: &[(&str, &str)]) -> PathBuf {
@@ -116,8 +124,15 @@ fn immersed_descent_with_an_eddy_viscosity_is_that_of_one_rank_on_several_and_re
     assert!((drag / of_laminar - 1.0).abs() > 1e-6, "the model has no effect");
 }
 
-/// Solves that agree to round-off, without stages before the descent.
-const TIGHT: [(&str, &str); 2] = [("residual_drop = 1e-3", "residual_drop = 1e-9"), (BEFORE, "")];
+/// Solves that agree to round-off, from a shape that five windows have inflated: flat fabric without stress turns round-off into 1e-6 of the drag in its first window.
+const TIGHT: [(&str, &str); 3] = [
+    ("residual_drop = 1e-3", "residual_drop = 1e-9"),
+    (
+        "duration_s = 1.0\nwindow_s = 5e-3\nsubsteps = 5\n",
+        "duration_s = 0.1\nwindow_s = 2e-2\nsubsteps = 20\n",
+    ),
+    (DEVELOPED, ""),
+];
 
 /// Compares three ranks, and a run that continues on another number, with one rank; returns the scene and the folder of one rank.
 fn compare_ranks(folder: &Path, changes: &[(&str, &str)]) -> (PathBuf, PathBuf) {
@@ -141,8 +156,9 @@ fn compare_ranks(folder: &Path, changes: &[(&str, &str)]) -> (PathBuf, PathBuf) 
             let size = if column.ends_with("_n") { size } else { 1.0 };
             let errors: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).abs() / size).collect();
             println!("{name} {column}: {errors:?}");
-            // Round-off, which slack fabric amplifies up to ten times in a window.
-            assert!(errors.iter().all(|e| *e < 1e-5), "{name} {column}: {errors:?}");
+            // Round-off, which slack fabric amplifies up to ten times in a window: sums over the ranks have an order of their own.
+            assert!(errors[..2].iter().all(|e| *e < 1e-6), "{name} {column}: {errors:?}");
+            assert!(errors[..8].iter().all(|e| *e < 1e-5), "{name} {column}: {errors:?}");
         }
     }
     (scene, first)
