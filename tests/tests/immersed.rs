@@ -157,8 +157,8 @@ fn compare_ranks(folder: &Path, changes: &[(&str, &str)]) -> (PathBuf, PathBuf) 
             let errors: Vec<f64> = a.iter().zip(&b).map(|(a, b)| (a - b).abs() / size).collect();
             println!("{name} {column}: {errors:?}");
             // Round-off, which slack fabric amplifies up to ten times in a window: sums over the ranks have an order of their own.
-            assert!(errors[..2].iter().all(|e| *e < 1e-6), "{name} {column}: {errors:?}");
-            assert!(errors[..8].iter().all(|e| *e < 1e-5), "{name} {column}: {errors:?}");
+            assert!(errors[0] < 1e-7, "{name} {column}: {errors:?}");
+            assert!(errors[..6].iter().all(|e| *e < 1e-5), "{name} {column}: {errors:?}");
         }
     }
     (scene, first)
