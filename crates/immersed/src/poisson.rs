@@ -6,7 +6,7 @@
 //! ```
 //! with the widths $`M`$ and the differences $`K`$ of each axis. Eigenvectors of $`K v = \lambda M v`$ along x and y leave a tridiagonal
 //! system along z for each pair of modes. The solution is exact to round-off, at a cost of $`4 (n_x + n_y)`$ multiplications a cell, half of them along
-//! an axis that is its own mirror image ([`crate::axis_modes`]).
+//! an axis that is its own mirror image (`axis_modes`).
 //!
 //! A source that fills a box only, with the solution wanted in that box only, takes the modes of the whole grid with the rows of the box.
 //!
@@ -172,7 +172,7 @@ impl Poisson {
     /// or empty where they reach the end. Every rank has the whole source, and gets what its own modes contribute: the solution is the sum over the ranks.
     ///
     /// # Panics
-    /// The box is not [`Self::covering`] itself.
+    /// The box is not `covering` itself.
     pub fn solve_in(&mut self, p: &mut [f64], cells: &Box3, closure: &[f64]) {
         assert_eq!(*cells, self.covering(cells), "a box of which a part could be folded");
         let ([x, y, z], [modes_x, modes_y]) = (cells, &self.modes);
