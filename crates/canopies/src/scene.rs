@@ -307,6 +307,12 @@ fn window(d: f64, v: f64) -> f64 {
     one_digit(0.12 * d / 30.0 / v)
 }
 
+/// A window of the flow alone in a stage of `duration` s: four coupled windows, or five where four do not divide the stage.
+fn slow_window(duration: f64, window: f64) -> f64 {
+    let count = duration / (4.0 * window);
+    if (count - count.round()).abs() < 1e-9 * count { 4.0 * window } else { 5.0 * window }
+}
+
 /// Mass of fabric, tapes and lines over the nominal area, kg/m2: the 5 kg of a flat circular canopy of 8.53 m.
 const AREAL_MASS: f64 = 0.09;
 /// Damping of the structure while it is gathered, 1/s.
@@ -334,6 +340,7 @@ fn gather(t: CanopyType, d: f64, v: f64) -> (f64, f64) {
 fn opening(t: CanopyType, d: f64, v: f64) -> String {
     let (force, gathering) = gather(t, d, v);
     let filling = t.handbook().and_then(|h| h.filling_constant).unwrap_or(8.0) * d / v;
+    let stream = one_digit(1.5 * d / v);
     format!(
         "[[reefing]]
 length_m = {reefing}             # 15 % of the ring of line attachments
@@ -378,8 +385,8 @@ substeps = 20
         pressure = plain(4e-5 * 0.5 * DENSITY * v * v),
         gathering = digits(gathering),
         force = digits(force),
-        stream = digits(one_digit(1.5 * d / v)),
-        slow = plain(4.0 * window(d, v)),
+        stream = digits(stream),
+        slow = plain(slow_window(stream, window(d, v))),
         opening = digits((1.2 * filling).ceil()),
         window = plain(window(d, v)),
         descent = digits(one_digit(12.0 * d / DESCENT_SPEED)),
@@ -486,6 +493,25 @@ mod tests {
             assert!(risers.is_some() == built.is_some() && risers.zip(built).is_none_or(near), "{t:?} {d}");
             let reefing = parsed.reefing[0].length_m / around;
             assert!((reefing / 0.15 - 1.0).abs() < 0.06, "{t:?} {d}: {reefing} of {around}");
+        }
+    }
+
+    #[test]
+    fn stages_have_whole_windows() {
+        for t in CanopyType::ALL {
+            for d in [0.6, 1.5, 3.7, 8.53, 10.668, 19.5, 40.0] {
+                for v in [6.7, 20.0, 40.0] {
+                    for experiment in [Experiment::Opening, Experiment::WindTunnel] {
+                        let text = scene(t, &SceneSizes { speed_m_s: v, ..sizes(d, experiment) });
+                        let scene = case::parse(std::path::Path::new("scene.toml"), &text).expect("a scene");
+                        for stage in scene.stages.iter().filter(|s| s.window_s > 0.0) {
+                            let windows = stage.duration_s / stage.window_s;
+                            let rest = (windows - windows.round()).abs();
+                            assert!(rest < 1e-3, "{t:?} of {d} m at {v} m/s: {} has {windows}", stage.name);
+                        }
+                    }
+                }
+            }
         }
     }
 
