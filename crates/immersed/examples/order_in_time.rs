@@ -90,7 +90,8 @@ fn plate(case: Case, across: f64, viscosity: f64, steps: usize) -> (Velocity, f6
         let mut forces = vec![Vector3::zeros(); nodes.len()];
         if case.friction {
             let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
-            friction.set_velocities(&faces, &velocities);
+            let before = vec![case.velocity * speed(t - dt); nodes.len()];
+            friction.set_velocities_over(&faces, [&before, &velocities]);
             flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(&mut friction));
             friction.add_node_forces(&faces, &mut forces);
         } else {

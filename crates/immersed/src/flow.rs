@@ -23,7 +23,7 @@ use crate::device::DeviceFlow;
 use crate::eddy_viscosity::EddyViscosity;
 use crate::far_field::FarField;
 use crate::free_edges::EdgeFluxes;
-use crate::friction::Friction;
+use crate::friction::{Friction, WallStep};
 use crate::grid::{GHOSTS, Grid, Velocity};
 use crate::momentum::Momentum;
 use crate::poisson::Poisson;
@@ -31,6 +31,7 @@ use crate::pressure_jumps::ConstraintWork;
 use crate::projection::{Part, cells_of, divergence};
 use crate::slabs::{Alone, Ranks, Slabs, TooManyRanks};
 use crate::undisturbed::Undisturbed;
+use crate::wall_rates::{WallRates, WallValue};
 
 /// Constants of a flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -104,6 +105,12 @@ pub struct Flow {
     /// Rates of the step that is predicted, and its velocity before pressure and surface; empty or not in use where none is predicted.
     rates: Velocity,
     pub(crate) predicted: Velocity,
+    /// Rates at the values next to the surface in the last accepted step.
+    pub(crate) wall_rates: WallRates,
+    /// Those at the start of the step to which the flow may return.
+    pub(crate) kept_wall_rates: WallRates,
+    /// Own values next to the surface in the predicted step.
+    pub(crate) at_walls: Vec<WallValue>,
     /// Time step over density times the pressure of the last accepted step, or that of the predicted velocity; without ghosts.
     pub(crate) pressure: Vec<f64>,
     /// Room for the pressure of a step while jumps of earlier steps change its velocity.
@@ -136,6 +143,8 @@ pub struct FlowState {
     pub previous_dt: Option<f64>,
     /// Pressure jumps of the rows, Pa.
     pub jump: Vec<f64>,
+    /// Rates at the values next to the surface.
+    pub wall_rates: WallRates,
 }
 
 impl Flow {
@@ -160,6 +169,9 @@ impl Flow {
             previous_dt: None,
             rates: Velocity::default(),
             predicted: Velocity::default(),
+            wall_rates: WallRates::default(),
+            kept_wall_rates: WallRates::default(),
+            at_walls: Vec::new(),
             has_predicted_pressure: false,
             kept: None,
             spare: Vec::new(),
@@ -191,6 +203,10 @@ impl Flow {
         }
         let [nx, ny, _] = self.grid.cells();
         self.slabs.gather_cells(&mut self.pressure, nx * ny);
+        if !self.slabs.alone() {
+            let own = self.own_positions();
+            self.wall_rates.gather(self.slabs.ranks(), &own);
+        }
     }
 
     /// Fills the ghosts of the velocity after its cells were set, and the planes of other ranks next to the own ones.
@@ -269,8 +285,7 @@ impl Flow {
             return;
         }
         let viscosity = self.settings.momentum.viscosity;
-        let planes = self.slabs.own();
-        let own = self.slabs.positions(planes.start as isize..planes.end as isize);
+        let (planes, own) = (self.slabs.own(), self.own_positions());
         let mut rates = self.array_or(|flow| &mut flow.rates);
         let momentum = &self.settings.momentum;
         momentum.rates(&self.grid, &self.velocity, frame, planes.clone(), &mut rates);
@@ -287,6 +302,8 @@ impl Flow {
         }
         self.rates = rates;
         self.dt = dt;
+        let start: Vec<f64> =
+            friction.iter().flat_map(|f| self.at_values(&self.velocity, f.values())).collect();
         if self.kept.is_some() {
             // The start of a later step is not returned to.
             self.extrapolate_in_place(&own);
@@ -294,14 +311,38 @@ impl Flow {
             self.extrapolate(&own);
         }
         self.add_change_of_far_field();
+        self.at_walls.clear();
         if let Some(friction) = friction {
-            friction.apply(self.settings.density, viscosity, dt, &own, &mut self.predicted);
+            let step = WallStep {
+                density: self.settings.density,
+                viscosity,
+                dt,
+                start: &start,
+                rates: &self.wall_rates,
+            };
+            friction.apply(&step, &own, &mut self.predicted);
+            self.at_walls.extend(friction.values().filter(|(_, at)| own.contains(&(*at as usize))));
         }
         self.close_prediction();
         let mut predicted = std::mem::take(&mut self.predicted);
         self.solve_pressure(&predicted);
         std::mem::swap(&mut self.predicted, &mut predicted);
         self.has_predicted_pressure = true;
+    }
+
+    /// Own positions in an array with ghosts.
+    fn own_positions(&self) -> Range<usize> {
+        let planes = self.slabs.own();
+        self.slabs.positions(planes.start as isize..planes.end as isize)
+    }
+
+    /// Values of a field.
+    fn at_values<'a>(
+        &'a self,
+        field: &'a Velocity,
+        values: impl Iterator<Item = WallValue> + 'a,
+    ) -> impl Iterator<Item = f64> + 'a {
+        values.map(|(c, at)| field[usize::from(c)][at as usize])
     }
 
     /// Takes an array of the flow, or another one where it is empty.
@@ -385,6 +426,7 @@ impl Flow {
         }
         if let Some(kept) = self.kept.take() {
             self.recycle(kept.rates);
+            self.wall_rates = std::mem::take(&mut self.kept_wall_rates);
             self.restart_from(kept.velocity, kept.before, kept.previous_dt);
         }
     }
@@ -430,13 +472,29 @@ impl Flow {
         part.plane_below(slabs, pressure, below);
     }
 
-    /// Removes the divergence of `u` in the own cells; its pressure remains.
-    fn remove_divergence(&mut self, u: &mut Velocity) {
-        self.solve_pressure(u);
+    /// Subtracts the gradient of the pressure from `u`.
+    fn subtract_gradient(&self, u: &mut Velocity) {
         let part = Part::slab(&self.grid, &self.slabs);
-        let own = part.own();
-        let pressure = &self.pressure[own.start * part.plane()..own.end * part.plane()];
-        part.subtract_gradient(&self.grid, pressure, &self.below, u);
+        part.subtract_gradient(&self.grid, self.pressure_of(&part), &self.below, u);
+    }
+
+    /// The pressures of a part.
+    fn pressure_of(&self, part: &Part) -> &[f64] {
+        &self.pressure[part.own().start * part.plane()..part.own().end * part.plane()]
+    }
+
+    /// Sets the rates next to the surface from the velocity after the jumps and those at the values before, and the pressure.
+    fn set_wall_rates(&mut self, velocity: &Velocity, predicted: &[f64]) {
+        let part = Part::slab(&self.grid, &self.slabs);
+        let (pressure, layout) = (self.pressure_of(&part), self.grid.layout());
+        let rate = |((c, at), predicted): (WallValue, &f64)| {
+            let at = at as usize;
+            let cell = layout.cell(at).map(|i| i as usize);
+            let gradient = part.gradient(&self.grid, usize::from(c), cell).of(pressure, &self.below);
+            (velocity[usize::from(c)][at] - predicted - gradient) / self.dt
+        };
+        let rates = self.at_walls.iter().copied().zip(predicted).map(rate).collect();
+        self.wall_rates = WallRates::new(std::mem::take(&mut self.at_walls), rates);
     }
 
     /// Ends the step with the pressure jumps of the constraints.
@@ -469,6 +527,7 @@ impl Flow {
             return;
         }
         let previous_dt = self.previous_dt;
+        self.kept_wall_rates.clone_from(&self.wall_rates);
         let [velocity, before] = self.end_step(rows, jumps, None);
         self.kept = Some(KeptStep { velocity, before, rates: std::mem::take(&mut self.before), previous_dt });
     }
@@ -481,13 +540,16 @@ impl Flow {
         earlier: Option<JumpsOfRows<'_>>,
     ) -> [Velocity; 2] {
         let mut velocity = std::mem::take(&mut self.predicted);
+        let predicted: Vec<f64> = self.at_values(&velocity, self.at_walls.iter().copied()).collect();
         self.add_impulses(rows, &jumps.jump, &mut velocity);
+        self.solve_pressure(&velocity);
+        self.set_wall_rates(&velocity, &predicted);
         if let Some((rows, changes)) = earlier {
-            self.solve_pressure(&velocity);
             self.own_pressure.clone_from(&self.pressure);
             self.add_impulses(rows, changes, &mut velocity);
+            self.solve_pressure(&velocity);
         }
-        self.remove_divergence(&mut velocity);
+        self.subtract_gradient(&mut velocity);
         if earlier.is_some() {
             std::mem::swap(&mut self.pressure, &mut self.own_pressure);
         }
@@ -582,6 +644,11 @@ impl Flow {
         (&self.before, self.previous_dt)
     }
 
+    /// Rates at the values next to the surface in the last accepted step; on several ranks complete after [`Self::gather`].
+    pub fn wall_rates(&self) -> &WallRates {
+        &self.wall_rates
+    }
+
     /// What later steps depend on; on several ranks complete after [`Self::gather`].
     pub fn state(&self) -> FlowState {
         FlowState {
@@ -589,6 +656,7 @@ impl Flow {
             rates: self.before.clone(),
             previous_dt: self.previous_dt,
             jump: self.jump.clone(),
+            wall_rates: self.wall_rates.clone(),
         }
     }
 
@@ -606,7 +674,7 @@ impl Flow {
             device.release_kept();
         }
         self.upload();
-        (self.previous_dt, self.jump) = (state.previous_dt, state.jump);
+        (self.previous_dt, self.jump, self.wall_rates) = (state.previous_dt, state.jump, state.wall_rates);
         Some(())
     }
 

@@ -10,14 +10,18 @@
 //! the projected area along d is $`|n_d|`$ times that of the surface, and the distance along d the normal one over $`|n_d|`$. Of several layers
 //! that cross one segment the lowest acts on the lower value and the highest on the upper one.
 //!
-//! The wall stress is implicit in the predicted velocity,
+//! The wall stress of a step acts on the velocity that convection, the stress between the other values and the pressure would give. With the stiffness
+//! $`z = \Delta t\, \tfrac{\nu}{h} \sum_j \tfrac{1}{\delta_j}`$ of a value, the weighted mean W of the velocities of its walls at the start (0) and the end (1) of the step, the velocity $`\hat u`$
+//! after convection, and the rate g of pressure and pressure jumps in the step before ([`WallRates`]),
 //! ```math
-//! u^\ast = \hat u + \Delta t\, \tfrac{\nu}{h} \sum_j \frac{w_j - u^\ast}{\delta_j}
-//! \;\Rightarrow\;
-//! u^\ast = \Big(\hat u + \Delta t\, \tfrac{\nu}{h} \sum_j \tfrac{w_j}{\delta_j}\Big) \Big/ \Big(1 + \Delta t\, \tfrac{\nu}{h} \sum_j \tfrac1{\delta_j}\Big),
+//! s_0 = u^n - W_0, \qquad \Delta = \hat u + \Delta t\, g - u^n - (W_1 - W_0), \qquad
+//! \bar s = \frac{(1 + z/2)\, s_0 + (1 + z)/2\; \Delta}{1 + z + z^2/2}
 //! ```
-//! a division for each value, so that the distance may vanish and the limit of the step is that of the air without walls. The force on the surface is
-//! $`\rho\, \nu\, h^2 (u^\ast - w) / \delta`$: what the air loses in the step, to round-off. Nothing of it enters a later step but by the velocity.
+//! is the mean slip: of second order in the step, and for any z the slip $`s_0 + \Delta - z \bar s`$ at its end decays (Padé approximant (0, 2), L-stable). The distance may
+//! vanish, and the limit of the step is that of the air without walls. The side j takes
+//! $`\Delta t\, \tfrac{\nu}{h \delta_j} (\bar s + \bar W - \bar w_j)`$ from the velocity; its force on the surface is $`\rho h^3 / \Delta t`$ times that: what the air loses in the step, to round-off.
+//!
+//! Without the rate g friction would hold back what the pressure has not yet moved, an error of first order in the step. A value that was not next to the surface in the step before has none.
 
 use std::ops::Range;
 
@@ -25,6 +29,7 @@ use nalgebra::Vector3;
 
 use crate::cut_faces::{Crossing, OutsideCore, Rasteriser};
 use crate::grid::{Grid, Velocity};
+use crate::wall_rates::{WallRates, WallValue};
 
 /// Least distance between a value and the surface, in cells; it keeps the quotient finite.
 const LEAST_DISTANCE: f64 = 1e-12;
@@ -40,8 +45,8 @@ struct WallSide {
     shares: [f64; 3],
     /// Distance from the value to the surface along the axis, m.
     distance: f64,
-    /// Velocity of the surface, m/s.
-    velocity: f64,
+    /// Velocity of the surface at the start and the end of a step, m/s.
+    velocity: [f64; 2],
     /// Force of the air on the surface in the last step, N.
     force: f64,
 }
@@ -100,18 +105,26 @@ impl Friction {
                 triangle: c.triangle as u32,
                 shares: c.shares,
                 distance: cells.max(LEAST_DISTANCE) * self.spacing,
-                velocity: 0.0,
+                velocity: [0.0; 2],
                 force: 0.0,
             });
         }
     }
 
-    /// Sets the velocities of the nodes, m/s.
+    /// Sets the velocities of the nodes, m/s, the same over the next step.
     pub fn set_velocities(&mut self, faces: &[[u32; 3]], velocities: &[Vector3<f64>]) {
+        self.set_velocities_over(faces, [velocities; 2]);
+    }
+
+    /// Sets the velocities of the nodes at the start and the end of the next step, m/s.
+    pub fn set_velocities_over(&mut self, faces: &[[u32; 3]], velocities: [&[Vector3<f64>]; 2]) {
         for side in &mut self.sides {
             let nodes = faces[side.triangle as usize];
-            let of_node = |i: usize| side.shares[i] * velocities[nodes[i] as usize][side.component as usize];
-            side.velocity = of_node(0) + of_node(1) + of_node(2);
+            side.velocity = velocities.map(|velocities| {
+                let of_node =
+                    |i: usize| side.shares[i] * velocities[nodes[i] as usize][side.component as usize];
+                of_node(0) + of_node(1) + of_node(2)
+            });
         }
     }
 
@@ -142,40 +155,32 @@ impl Friction {
         }
     }
 
-    /// Adds the wall stress over a step of `dt` s to the predicted velocity at the positions `own`; the forces of others are zero.
-    pub(crate) fn apply(
-        &mut self,
-        density: f64,
-        viscosity: f64,
-        dt: f64,
-        own: &Range<usize>,
-        predicted: &mut Velocity,
-    ) {
-        let factor = viscosity * dt / self.spacing;
-        let mass = density * self.spacing.powi(3);
-        for sides in self.sides.chunk_by_mut(|a, b| (a.component, a.at) == (b.component, b.at)) {
-            if !own.contains(&sides[0].at) {
+    /// Component and position of each value next to the surface, ascending.
+    pub(crate) fn values(&self) -> impl Iterator<Item = WallValue> + '_ {
+        self.sides
+            .chunk_by(|a, b| (a.component, a.at) == (b.component, b.at))
+            .map(|s| (s[0].component, s[0].at as u32))
+    }
+
+    /// Adds the wall stress over a step to the predicted velocity at the positions `own`; the forces of others are zero.
+    pub(crate) fn apply(&mut self, step: &WallStep<'_>, own: &Range<usize>, predicted: &mut Velocity) {
+        let factor = step.viscosity * step.dt / self.spacing;
+        let force = step.density * self.spacing.powi(3) / step.dt;
+        let values = self.sides.chunk_by_mut(|a, b| (a.component, a.at) == (b.component, b.at));
+        for (sides, start) in values.zip(step.start) {
+            let (component, at) = (sides[0].component, sides[0].at);
+            if !own.contains(&at) {
                 sides.iter_mut().for_each(|s| s.force = 0.0);
                 continue;
             }
-            let weight = 1.0 + sides.iter().map(|s| factor / s.distance).sum::<f64>();
-            let u = &mut predicted[sides[0].component as usize][sides[0].at];
-            let mut lost = 0.0;
-            for i in 0..sides.len() {
-                let own = sides[i];
-                // The slip u* - w without the difference of large numbers that it is where the distance vanishes.
-                let others =
-                    sides.iter().map(|s| factor / s.distance * (s.velocity - own.velocity)).sum::<f64>();
-                let change = factor / own.distance * (*u - own.velocity + others) / weight;
-                sides[i].force = mass / dt * change;
-                lost += change;
-            }
-            *u -= lost;
+            let u = &mut predicted[usize::from(component)][at];
+            let change = *u + step.dt * step.rates.of((component, at as u32)) - start;
+            *u -= lose(sides, factor, *start, change, force);
         }
     }
 
-    /// Component and position of its value, distance and velocity of each side.
-    pub(crate) fn sides(&self) -> impl Iterator<Item = ((u8, usize), f64, f64)> + '_ {
+    /// Component and position of its value, distance, and velocities of each side.
+    pub(crate) fn sides(&self) -> impl Iterator<Item = ((u8, usize), f64, [f64; 2])> + '_ {
         self.sides.iter().map(|s| ((s.component, s.at), s.distance, s.velocity))
     }
 
@@ -223,4 +228,37 @@ impl Friction {
     pub fn is_empty(&self) -> bool {
         self.segments.is_empty()
     }
+}
+
+/// A step as the wall stress needs it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WallStep<'a> {
+    /// Density, kg/m3, kinematic viscosity, m2/s, and length of the step, s.
+    pub(crate) density: f64,
+    pub(crate) viscosity: f64,
+    pub(crate) dt: f64,
+    /// Velocity of each of [`Friction::values`] at the start of the step, m/s.
+    pub(crate) start: &'a [f64],
+    pub(crate) rates: &'a WallRates,
+}
+
+/// What the sides of one value take of its velocity, m/s; they get their forces, `force` (kg/s) times that. `factor`: $`\Delta t\, \nu / h`$; `start`: velocity at the start of the step,
+/// `change`: what it would change in the step without them.
+fn lose(sides: &mut [WallSide], factor: f64, start: f64, change: f64, force: f64) -> f64 {
+    let z = sides.iter().map(|s| factor / s.distance).sum::<f64>();
+    let mean = |of: fn(&WallSide) -> f64| sides.iter().map(|s| factor / s.distance * of(s)).sum::<f64>() / z;
+    let [first, last] = [mean(|s| s.velocity[0]), mean(|s| s.velocity[1])];
+    let (slip, change) = (start - first, change - (last - first));
+    let slip = ((1.0 + 0.5 * z) * slip + 0.5 * (1.0 + z) * change) / (1.0 + z + 0.5 * z * z);
+    let mut lost = 0.0;
+    for i in 0..sides.len() {
+        let own = sides[i];
+        // The slip at this side without the difference of large numbers that it is where the distance vanishes.
+        let middle = |s: &WallSide| 0.5 * (s.velocity[0] + s.velocity[1]);
+        let others = sides.iter().map(|s| factor / s.distance * (middle(s) - middle(&own))).sum::<f64>() / z;
+        let change = factor / own.distance * (slip + others);
+        sides[i].force = force * change;
+        lost += change;
+    }
+    lost
 }

@@ -41,3 +41,4 @@ pub mod regrid;
 pub mod shapes;
 pub mod slabs;
 mod undisturbed;
+pub mod wall_rates;

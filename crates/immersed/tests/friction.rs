@@ -25,6 +25,53 @@ fn predict(flow: &mut Flow, dt: f64, friction: &mut Friction) {
     flow.predict_around(dt, Vector3::zeros(), &EdgeFluxes::default(), Some(friction));
 }
 
+/// Velocity at the end and impulse along z on a square plate that is held in its place while the velocity of its points rises and falls, at Re 200, 8 cells across.
+fn held_plate(steps: usize) -> (Vec<f64>, f64) {
+    let h = 0.125;
+    let axis = || Axis::stretched([-0.65 - 5.0 * h, 0.65 + 5.0 * h], h, [2.0, 2.0], 1.2, 2);
+    let mut flow = flow(
+        Grid::new([axis(), axis(), axis()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]),
+        1.0 / 200.0,
+    );
+    flow.settings.tolerance = 1e-10;
+    let (plate, faces) = shapes::plate(8);
+    let nodes: Vec<_> = plate.iter().map(|x| x + Vector3::new(0.07, 0.11, -0.13) * h).collect();
+    let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
+    let mut friction = Friction::new(&flow.grid, &nodes, &faces).expect("inside");
+    let dt = 0.6 / steps as f64;
+    let at = |t: f64| vec![Vector3::new(0.4, 0.0, 0.3) * (PI * t).sin().powi(2); nodes.len()];
+    let mut impulse = 0.0;
+    for k in 1..=steps {
+        let [start, end] = [k - 1, k].map(|k| at(dt * k as f64));
+        cut.set_velocities(&faces, &end);
+        friction.set_velocities_over(&faces, [&start, &end]);
+        predict(&mut flow, dt, &mut friction);
+        let jumps = flow.solve_constraints(&cut.rows);
+        flow.accept(&cut.rows, &jumps);
+        let mut forces = vec![Vector3::zeros(); nodes.len()];
+        friction.add_node_forces(&faces, &mut forces);
+        cut.add_forces(&faces, &jumps.jump, &mut forces);
+        impulse += dt * forces.iter().map(|f| f.z).sum::<f64>();
+    }
+    (flow.velocity.concat(), impulse)
+}
+
+/// The largest difference of the velocity from that with half the step falls with the square of the step, and so does that of the impulse. A
+/// friction without the pressure of the step before has the order 1.
+#[test]
+fn friction_is_of_second_order_in_time() {
+    let runs = [24, 48, 96, 192].map(held_plate);
+    let largest = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0f64, |most, (a, b)| most.max((a - b).abs()));
+    let differences: Vec<[f64; 2]> =
+        runs.windows(2).map(|r| [largest(&r[0].0, &r[1].0), (r[0].1 - r[1].1).abs()]).collect();
+    for pair in differences.windows(2) {
+        let orders = [0, 1].map(|i| (pair[0][i] / pair[1][i]).log2());
+        println!("orders of velocity and impulse {orders:.3?}");
+        assert!((orders[0] - 2.0).abs() < 0.1, "velocity: {orders:?}");
+        assert!(orders[1] > 1.65 && orders[1] < 2.1, "impulse: {orders:?}");
+    }
+}
+
 /// A plate across the axis z at `at` that spans a grid with cells of `h` m, four across.
 fn plane(at: f64, h: f64) -> Vec<Vector3<f64>> {
     let (plate, _) = shapes::plate(1);

@@ -7,11 +7,12 @@ use channel::Fault;
 use immersed::axis::Axis;
 use immersed::flow::{Flow, FlowState};
 use immersed::grid::{End, Ends, Grid, Velocity};
+use immersed::wall_rates::WallRates;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 const KIND: [u8; 8] = *b"RIPIMMER";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 /// One axis of a grid.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +34,8 @@ pub struct Saved<'a> {
     rates: Cow<'a, [Vec<f64>]>,
     previous_dt: Option<f64>,
     jump: Vec<f64>,
+    /// Component, position and rate (m/s2) of the values next to the canopy in a viscous flow.
+    wall_rates: Vec<(u8, u32, f64)>,
     /// Positions of the canopy, m, their velocities, m/s.
     pub positions: Vec<[f64; 3]>,
     pub velocities: Vec<[f64; 3]>,
@@ -100,6 +103,7 @@ impl<'a> Saved<'a> {
             rates: Cow::Borrowed(rates),
             previous_dt,
             jump,
+            wall_rates: flow.wall_rates().iter().map(|((c, at), rate)| (c, at, rate)).collect(),
             positions: rows(&motion.positions),
             velocities: rows(&motion.velocities),
             vertices: rows(&motion.vertices),
@@ -141,18 +145,26 @@ impl<'a> Saved<'a> {
         if !finite(&self.velocity) || !finite(&self.rates) || !self.jump.iter().all(|j| j.is_finite()) {
             return Err("has velocities that are not finite numbers or not of its grid".into());
         }
+        let is_value =
+            |(c, at, rate): &(u8, u32, f64)| *c < 3 && (*at as usize) < grid.array_len() && rate.is_finite();
+        let ascending = self.wall_rates.is_sorted_by(|a, b| (a.0, a.1) < (b.0, b.1));
+        if !self.wall_rates.iter().all(is_value) || !ascending {
+            return Err("has rates next to the canopy that are not finite numbers or not of its grid".into());
+        }
         let all =
             motion.positions.iter().chain(&motion.velocities).chain(&motion.vertices).chain(&motion.along);
         if !all.chain([&motion.origin, &motion.home, &motion.frame]).all(|x| x.iter().all(|x| x.is_finite()))
         {
             return Err("has positions or forces that are not finite numbers".into());
         }
+        let (values, rates) = self.wall_rates.iter().map(|(c, at, rate)| ((*c, *at), *rate)).unzip();
         let three = |u: Cow<'_, [Vec<f64>]>| Velocity::try_from(u.into_owned()).expect("three components");
         let flow = FlowState {
             velocity: three(self.velocity),
             rates: three(self.rates),
             previous_dt: self.previous_dt,
             jump: self.jump,
+            wall_rates: WallRates::new(values, rates),
         };
         Ok((grid, flow, motion))
     }

@@ -10,6 +10,7 @@ use crate::constraints::{FluxConstraints, JumpsOfRows};
 use crate::flow::{Flow, PressureJumps};
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
+use crate::wall_rates::WallRates;
 
 impl Flow {
     /// Computes the steps of this flow on `device` from now on; `None`: on this processor. The arrays of the host are those of the last [`Flow::gather`].
@@ -86,8 +87,11 @@ impl Flow {
         let momentum = self.settings.momentum;
         device.find_rates((&momentum, frame), &self.grid, edges, friction.as_deref());
         device.extrapolate(self.extrapolation());
+        self.at_walls.clear();
         if let Some(friction) = friction {
-            device.apply_friction(friction, [self.settings.density, momentum.viscosity, dt]);
+            let numbers = [self.settings.density, momentum.viscosity, dt];
+            device.apply_friction(friction, numbers, &self.wall_rates);
+            self.at_walls.extend(friction.values());
         }
         device.close_prediction();
         device.solve_pressure();
@@ -102,12 +106,17 @@ impl Flow {
         earlier: Option<JumpsOfRows<'_>>,
         keep: bool,
     ) {
-        device.end_step(
+        let rates = device.end_step(
             &self.grid,
             [Some((rows, &jumps.jump[..])), earlier],
-            self.factor(),
+            (self.factor(), self.dt),
             keep.then_some(self.previous_dt),
         );
+        let wall_rates = WallRates::new(std::mem::take(&mut self.at_walls), rates);
+        let before = std::mem::replace(&mut self.wall_rates, wall_rates);
+        if keep {
+            self.kept_wall_rates = before;
+        }
         self.has_predicted_pressure = false;
         self.previous_dt = Some(self.dt);
     }
@@ -116,6 +125,7 @@ impl Flow {
     pub(crate) fn return_to_start_on(&mut self, device: &mut DeviceFlow) {
         if let Some(previous_dt) = device.kept_before() {
             self.previous_dt = previous_dt;
+            self.wall_rates = std::mem::take(&mut self.kept_wall_rates);
             device.return_to_start();
         }
     }

@@ -189,26 +189,62 @@ KERNEL(interrupt) {
 struct wall_arguments {
     integer threads;
     double *u[3];
+    const double *start[3];
     const unsigned *target_component, *target, *offsets;
-    const double *distance, *velocity;
+    const double *distance, *first, *last;
     double *force;
-    double factor, mass_over_dt;
+    const double *rate;
+    // Velocity of each value afterwards.
+    double *predicted;
+    double factor, mass_over_dt, dt;
 };
 
 KERNEL(wall) {
     THREAD
-    double *u = &a.u[a.target_component[thread]][a.target[thread]];
-    const unsigned start = a.offsets[thread], end = a.offsets[thread + 1];
-    double weight = 1.0, lost = 0.0;
-    for (unsigned s = start; s < end; s++) weight += a.factor / a.distance[s];
-    for (unsigned s = start; s < end; s++) {
+    const unsigned c = a.target_component[thread], at = a.target[thread];
+    const unsigned begin = a.offsets[thread], end = a.offsets[thread + 1];
+    double *u = &a.u[c][at];
+    const double start = a.start[c][at];
+    double z = 0.0, first = 0.0, last = 0.0, lost = 0.0;
+    for (unsigned s = begin; s < end; s++) z += a.factor / a.distance[s];
+    for (unsigned s = begin; s < end; s++) first += a.factor / a.distance[s] * a.first[s];
+    for (unsigned s = begin; s < end; s++) last += a.factor / a.distance[s] * a.last[s];
+    first = first / z;
+    last = last / z;
+    double change = *u + a.dt * a.rate[thread] - start;
+    change = change - (last - first);
+    const double slip = ((1.0 + 0.5 * z) * (start - first) + 0.5 * (1.0 + z) * change) / (1.0 + z + 0.5 * z * z);
+    for (unsigned s = begin; s < end; s++) {
         double others = 0.0;
-        for (unsigned o = start; o < end; o++) others += a.factor / a.distance[o] * (a.velocity[o] - a.velocity[s]);
-        const double change = a.factor / a.distance[s] * (*u - a.velocity[s] + others) / weight;
-        a.force[s] = a.mass_over_dt * change;
-        lost += change;
+        for (unsigned o = begin; o < end; o++)
+            others += a.factor / a.distance[o] * (0.5 * (a.first[o] + a.last[o]) - 0.5 * (a.first[s] + a.last[s]));
+        const double own = a.factor / a.distance[s] * (slip + others / z);
+        a.force[s] = a.mass_over_dt * own;
+        lost += own;
     }
     *u -= lost;
+    a.predicted[thread] = *u;
+}
+
+struct wall_rates_arguments {
+    integer threads;
+    struct grid g;
+    const double *u[3];
+    const unsigned *target_component, *target;
+    const double *predicted, *p;
+    // Inverse distances of the centres across each face.
+    const double *inverse[3];
+    double *rate;
+    double dt;
+};
+
+KERNEL(wall_rates) {
+    THREAD
+    const unsigned c = a.target_component[thread], at = a.target[thread];
+    const integer k = at / a.g.sz - 2, j = at % a.g.sz / a.g.sy - 2, i = at % a.g.sy - 2;
+    const integer upper = (k * a.g.ny + j) * a.g.nx + i, lower = upper - (c == 0 ? 1 : c == 1 ? a.g.nx : a.g.nx * a.g.ny);
+    const double gradient = (a.p[upper] - a.p[lower]) * a.inverse[c][c == 0 ? i : c == 1 ? j : k];
+    a.rate[thread] = (a.u[c][at] - a.predicted[thread] - gradient) / a.dt;
 }
 
 // ---- ghosts (grid.rs)

@@ -22,12 +22,13 @@ pub(crate) use steps::DeviceFlow;
 pub const KERNELS: &str = include_str!("kernels.cu");
 
 /// Names of the kernels in [`KERNELS`].
-pub const KERNEL_NAMES: [&str; 22] = [
+pub const KERNEL_NAMES: [&str; 23] = [
     "rates",
     "extrapolate",
     "edges",
     "interrupt",
     "wall",
+    "wall_rates",
     "ghosts",
     "outflow",
     "divergence",

@@ -19,6 +19,7 @@ use crate::friction::Friction;
 use crate::grid::{Grid, Velocity};
 use crate::momentum::Momentum;
 use crate::poisson::{Box3, Poisson};
+use crate::wall_rates::WallRates;
 
 /// Shares of the cells in the search for largest values: first and second.
 const SHARES: [usize; 2] = [131_072, 512];
@@ -310,19 +311,49 @@ impl DeviceFlow {
         }
     }
 
-    /// The wall stress of a step of `dt` s, in the predicted velocity; `friction` gets its forces.
-    pub(crate) fn apply_friction(&self, friction: &mut Friction, [density, viscosity, dt]: [f64; 3]) {
+    /// The wall stress of a step of `dt` s, in the predicted velocity; `friction` gets its forces. `rates`: those of the step before.
+    pub(crate) fn apply_friction(
+        &self,
+        friction: &mut Friction,
+        [density, viscosity, dt]: [f64; 3],
+        rates: &WallRates,
+    ) {
         let Some(on_device) = &self.friction else { return };
+        let rates: Vec<f64> = friction.values().map(|value| rates.of(value)).collect();
+        self.queue.upload(on_device.values(0), &rates);
         let h = friction.spacing();
         let targets = &on_device.walls;
-        let arguments = Arguments::of(targets.count).addresses(addresses(&self.predicted));
+        let arguments = Arguments::of(targets.count)
+            .addresses(addresses(&self.predicted))
+            .addresses(addresses(&self.velocity));
         let arguments = (0..3).fold(arguments, |words, i| words.address(targets.array(i)));
-        let arguments = (0..3).fold(arguments, |words, i| words.address(on_device.sides(i)));
-        let arguments = arguments.number(viscosity * dt / h).number(density * h.powi(3) / dt);
+        let arguments = (0..4).fold(arguments, |words, i| words.address(on_device.sides(i)));
+        let arguments = (0..2).fold(arguments, |words, i| words.address(on_device.values(i)));
+        let arguments = arguments.number(viscosity * dt / h).number(density * h.powi(3) / dt).number(dt);
         self.queue.launch("wall", &arguments);
         let mut forces = vec![0.0; on_device.len()];
-        self.queue.download(on_device.sides(2), &mut forces);
+        self.queue.download(on_device.sides(3), &mut forces);
         friction.set_forces(&forces);
+    }
+
+    /// Rates at the values next to the surface by the jumps, which the predicted velocity has, and the pressure; for [`WallRates`].
+    fn wall_rates(&self, dt: f64) -> Vec<f64> {
+        let Some(on_device) = &self.friction else { return Vec::new() };
+        let targets = &on_device.walls;
+        let arguments = Arguments::of(targets.count)
+            .integers(&self.tables.grid)
+            .addresses(addresses(&self.predicted))
+            .address(targets.array(0))
+            .address(targets.array(1))
+            .address(on_device.values(1))
+            .address(self.pressure.at(0))
+            .addresses(self.tables.inverse())
+            .address(on_device.values(0))
+            .number(dt);
+        self.queue.launch("wall_rates", &arguments);
+        let mut rates = vec![0.0; targets.count];
+        self.queue.download(on_device.values(0), &mut rates);
+        rates
     }
 
     /// Ghosts of the predicted velocity, and its pressure.
@@ -419,17 +450,18 @@ impl DeviceFlow {
         });
     }
 
-    /// Ends the step with the pressure jumps of the rows, `factor` being the length of the step over the mass of a cell: its own, and then changes of earlier ones, which do
-    /// not change the pressure. `keep`: one may return to it, with this length of the step before.
+    /// Ends the step of `dt` s with the pressure jumps of the rows, `factor` being its length over the mass of a cell: its own, and then changes of earlier ones, which do
+    /// not change the pressure. Returns the rates at the values next to the surface. `keep`: one may return to it, with this length of the step before.
     pub(crate) fn end_step(
         &mut self,
         grid: &Grid,
         [own, earlier]: [Option<JumpsOfRows<'_>>; 2],
-        factor: f64,
+        (factor, dt): (f64, f64),
         keep: Option<Option<f64>>,
-    ) {
+    ) -> Vec<f64> {
         self.spread(grid, own, factor);
         self.solve_pressure();
+        let wall_rates = self.wall_rates(dt);
         let own_pressure = earlier.map(|_| {
             let pressure = self.queue.buffer(self.count());
             self.queue.copy(&self.pressure, &pressure);
@@ -466,6 +498,7 @@ impl DeviceFlow {
         std::mem::swap(&mut self.velocity, &mut self.predicted);
         std::mem::swap(&mut self.before, &mut self.rates);
         self.fill_ghosts(&self.velocity);
+        wall_rates
     }
 
     /// Adds the velocity changes at the faces of rows by pressure jumps there to the predicted velocity.

@@ -82,9 +82,11 @@ pub(crate) struct DeviceFriction {
     of: Friction,
     pub(crate) interrupted: Targets,
     pub(crate) walls: Targets,
-    /// Distance, velocity and force of each side.
+    /// Distance, velocities at the start and the end of the step, and force of each side.
     sides: Buffer,
     count: usize,
+    /// Rate by the pressure in the step before, and velocity with friction, of each value.
+    values: Buffer,
 }
 
 impl DeviceFriction {
@@ -95,16 +97,20 @@ impl DeviceFriction {
         }
         entries.sort_unstable();
         let sides: Vec<_> = friction.sides().collect();
-        let numbers: Vec<f64> = sides.iter().map(|s| s.1).chain(sides.iter().map(|s| s.2)).collect();
-        let buffer = queue.buffer(3 * sides.len());
-        queue.upload(buffer.at(0), &numbers);
-        Self {
+        let distances: Vec<f64> = sides.iter().map(|s| s.1).collect();
+        let buffer = queue.buffer(4 * sides.len());
+        queue.upload(buffer.at(0), &distances);
+        let walls = Targets::new(queue, &sides, |s| s.0, &[]);
+        let friction = Self {
             of: friction.clone(),
             interrupted: Targets::new(queue, &entries, |e| (e.0, e.1), &[&|e| e.2]),
-            walls: Targets::new(queue, &sides, |s| s.0, &[]),
+            values: queue.buffer(2 * walls.count),
+            walls,
             count: sides.len(),
             sides: buffer,
-        }
+        };
+        friction.set_velocities(queue, &friction.of);
+        friction
     }
 
     /// Whether this is that friction, with other velocities perhaps.
@@ -114,13 +120,20 @@ impl DeviceFriction {
 
     /// Takes the velocities of the sides.
     pub(crate) fn set_velocities(&self, queue: &Queue, friction: &Friction) {
-        let velocities: Vec<f64> = friction.sides().map(|s| s.2).collect();
-        queue.upload(self.sides(1), &velocities);
+        for i in 0..2 {
+            let velocities: Vec<f64> = friction.sides().map(|s| s.2[i]).collect();
+            queue.upload(self.sides(1 + i), &velocities);
+        }
     }
 
-    /// Distances (0), velocities (1) or forces (2) of the sides.
+    /// Distances (0), velocities at the start (1) and the end (2), or forces (3) of the sides.
     pub(crate) fn sides(&self, which: usize) -> Address {
         self.sides.at(which * self.count)
+    }
+
+    /// Rates by the pressure in the step before (0), or velocities with friction (1), of the values.
+    pub(crate) fn values(&self, which: usize) -> Address {
+        self.values.at(which * self.walls.count)
     }
 
     /// Number of sides.

@@ -236,7 +236,10 @@ pub fn windows(
     }
     let mut flow = windows.flow;
     flow.gather();
+    // Once more changes nothing.
+    flow.gather();
     let state = flow.state();
     let all = state.velocity.into_iter().chain(state.rates).flatten();
-    all.chain(state.jump).chain(friction).chain(flow.pressures()).collect()
+    let all = all.chain(state.jump).chain(friction).chain(flow.pressures());
+    all.chain(state.wall_rates.iter().map(|(_, rate)| rate)).collect()
 }
