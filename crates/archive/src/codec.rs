@@ -1,7 +1,10 @@
 //! Encoding of values as bytes. No other crate of the project names bincode.
 
+use std::io::{self, Write};
+
 use bincode::config::standard;
-use bincode::serde::{decode_from_slice, encode_to_vec};
+use bincode::error::EncodeError;
+use bincode::serde::{decode_from_slice, encode_into_std_write, encode_to_vec};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -40,6 +43,21 @@ pub mod fixed {
     /// A `Serialize` that refuses its own value; plain data do not.
     pub fn encode(value: &impl Serialize) -> Vec<u8> {
         encode_to_vec(value, standard().with_fixed_int_encoding()).expect("plain data can be encoded")
+    }
+
+    /// Writes `value` as [`encode`] does, without an array of all bytes.
+    ///
+    /// # Errors
+    /// Those of `writer`.
+    ///
+    /// # Panics
+    /// As [`encode`].
+    pub fn write(value: &impl Serialize, writer: &mut impl Write) -> io::Result<()> {
+        match encode_into_std_write(value, writer, standard().with_fixed_int_encoding()) {
+            Ok(_) => Ok(()),
+            Err(EncodeError::Io { inner, .. }) => Err(inner),
+            Err(error) => panic!("plain data can be encoded: {error}"),
+        }
     }
 
     /// The value that [`encode`] encoded, from all of `bytes`.

@@ -1,14 +1,14 @@
 //! Archives on disk.
 
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::codec::{DecodeError, fixed};
-use crate::hash::checksum;
+use crate::hash::{Checksum, checksum};
 
 /// Length of the head, bytes.
 pub const HEAD: usize = 8 + 4 + 8 + 8;
@@ -84,17 +84,22 @@ impl Error {
 /// # Errors
 /// The system's error; no part of the new file remains.
 pub fn write_whole(path: &Path, parts: &[&[u8]]) -> io::Result<()> {
+    write_aside(path, |file| parts.iter().try_for_each(|part| file.write_all(part)))
+}
+
+/// [`write_whole`] with what `write` writes.
+fn write_aside(path: &Path, write: impl FnOnce(&mut fs::File) -> io::Result<()>) -> io::Result<()> {
     if let Some(folder) = path.parent() {
         fs::create_dir_all(folder)?;
     }
     let aside = path.with_extension("part");
-    let write = || {
+    let whole = || {
         let mut file = fs::File::create(&aside)?;
-        parts.iter().try_for_each(|part| file.write_all(part))?;
+        write(&mut file)?;
         file.sync_all()?;
         fs::rename(&aside, path)
     };
-    write().inspect_err(|_| {
+    whole().inspect_err(|_| {
         // A partial file would only fill the disk further.
         let _ = fs::remove_file(&aside);
     })
@@ -119,18 +124,46 @@ pub fn write_whole(path: &Path, parts: &[&[u8]]) -> io::Result<()> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn save(path: &Path, kind: [u8; 8], version: u32, value: &impl Serialize) -> Result<u64, Error> {
-    let value = fixed::encode(value);
-    let mut head = Vec::with_capacity(HEAD);
-    head.extend(kind);
-    head.extend(version.to_le_bytes());
-    head.extend((value.len() as u64).to_le_bytes());
-    head.extend(checksum(&value).to_le_bytes());
-    write_whole(path, &[&head, &value]).map_err(|source| Error::Io {
-        action: "write",
-        path: path.into(),
-        source,
-    })?;
-    Ok((HEAD + value.len()) as u64)
+    let mut length = 0;
+    let written = write_aside(path, |file| {
+        // The head follows when its checksum is known.
+        let sum = {
+            let mut content =
+                Body { file: BufWriter::with_capacity(1 << 18, &mut *file), sum: Checksum::default() };
+            content.file.write_all(&[0; HEAD])?;
+            fixed::write(value, &mut content)?;
+            content.flush()?;
+            content.sum.clone()
+        };
+        length = sum.length();
+        let mut head = Vec::with_capacity(HEAD);
+        head.extend(kind);
+        head.extend(version.to_le_bytes());
+        head.extend((length as u64).to_le_bytes());
+        head.extend(sum.value().to_le_bytes());
+        file.rewind()?;
+        file.write_all(&head)
+    });
+    written.map_err(|source| Error::Io { action: "write", path: path.into(), source })?;
+    Ok((HEAD + length) as u64)
+}
+
+/// The content of an archive while it is written: no array has all of it.
+struct Body<W: Write> {
+    file: BufWriter<W>,
+    sum: Checksum,
+}
+
+impl<W: Write> Write for Body<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let written = self.file.write(bytes)?;
+        self.sum.add(&bytes[..written]);
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
 }
 
 /// Reads a file written by [`save`]. Allocates memory in proportion to the file, whatever length it claims.

@@ -16,13 +16,60 @@ pub fn fnv1a_of_numbers<'a>(values: impl IntoIterator<Item = &'a f64>) -> u64 {
 /// Checksum of an archive: FNV-1a over words of eight bytes, the last padded with zeros, and the length. It needs an
 /// eighth of the operations of [`fnv1a`].
 pub fn checksum(bytes: &[u8]) -> u64 {
-    let (words, rest) = bytes.as_chunks::<8>();
-    let mut last = [0; 8];
-    last[..rest.len()].copy_from_slice(rest);
-    // A product moves bits upwards only: the rotation moves the highest ones down.
-    let mix = |h: u64, w: u64| (h ^ w).wrapping_mul(PRIME).rotate_left(29);
-    let words = words.iter().chain(std::iter::once(&last)).map(|w| u64::from_le_bytes(*w));
-    mix(words.fold(OFFSET, mix), bytes.len() as u64)
+    let mut sum = Checksum::default();
+    sum.add(bytes);
+    sum.value()
+}
+
+/// [`checksum`] of bytes that come in parts.
+#[derive(Clone, Debug)]
+pub struct Checksum {
+    hash: u64,
+    /// Bytes of the word that is not complete.
+    rest: [u8; 8],
+    length: usize,
+}
+
+impl Default for Checksum {
+    fn default() -> Self {
+        Self { hash: OFFSET, rest: [0; 8], length: 0 }
+    }
+}
+
+impl Checksum {
+    /// A product moves bits upwards only: the rotation moves the highest ones down.
+    fn mix(hash: u64, word: u64) -> u64 {
+        (hash ^ word).wrapping_mul(PRIME).rotate_left(29)
+    }
+
+    /// Adds the next bytes.
+    pub fn add(&mut self, mut bytes: &[u8]) {
+        let filled = self.length % 8;
+        self.length += bytes.len();
+        if filled > 0 {
+            let (first, others) = bytes.split_at(bytes.len().min(8 - filled));
+            self.rest[filled..filled + first.len()].copy_from_slice(first);
+            if filled + first.len() < 8 {
+                return;
+            }
+            self.hash = Self::mix(self.hash, u64::from_le_bytes(self.rest));
+            bytes = others;
+        }
+        let (words, rest) = bytes.as_chunks::<8>();
+        self.hash = words.iter().fold(self.hash, |hash, word| Self::mix(hash, u64::from_le_bytes(*word)));
+        self.rest = [0; 8];
+        self.rest[..rest.len()].copy_from_slice(rest);
+    }
+
+    /// Number of bytes so far.
+    pub fn length(&self) -> usize {
+        self.length
+    }
+
+    /// The checksum of the bytes so far.
+    pub fn value(&self) -> u64 {
+        Self::mix(Self::mix(self.hash, u64::from_le_bytes(self.rest)), self.length as u64)
+    }
 }
 
 #[cfg(test)]
@@ -50,5 +97,27 @@ mod tests {
             assert_ne!(checksum(&bytes), whole);
         }
         assert_ne!(checksum(&[0; 7]), checksum(&[0; 8]));
+    }
+
+    /// Files of earlier builds stay valid.
+    #[test]
+    fn checksum_is_that_of_words_and_length_however_the_bytes_come() {
+        let bytes: Vec<u8> = (0..100u8).map(|b| b.wrapping_mul(37)).collect();
+        let mix = |h: u64, w: u64| (h ^ w).wrapping_mul(PRIME).rotate_left(29);
+        for length in [0, 1, 7, 8, 9, 16, 99, 100] {
+            let bytes = &bytes[..length];
+            let mut words: Vec<u64> =
+                bytes.as_chunks::<8>().0.iter().map(|w| u64::from_le_bytes(*w)).collect();
+            let mut last = [0; 8];
+            last[..length % 8].copy_from_slice(bytes.as_chunks::<8>().1);
+            words.push(u64::from_le_bytes(last));
+            let expected = mix(words.into_iter().fold(OFFSET, mix), length as u64);
+            assert_eq!(checksum(bytes), expected, "{length}");
+            for part in [1, 3, 5, 8, 13] {
+                let mut sum = Checksum::default();
+                bytes.chunks(part).for_each(|bytes| sum.add(bytes));
+                assert_eq!((sum.value(), sum.length()), (expected, length), "{length} in parts of {part}");
+            }
+        }
     }
 }

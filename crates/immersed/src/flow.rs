@@ -239,6 +239,17 @@ impl Flow {
         self.upload();
     }
 
+    /// Whether the velocity is that of the far field everywhere.
+    pub fn is_undisturbed(&mut self) -> bool {
+        self.download();
+        let change = |cell: [usize; 3]| {
+            let at = self.grid.at(cell.map(|i| i as isize));
+            let of = |c: usize| (self.velocity[c][at] - self.far_field.at(c, cell[2] as isize)).abs();
+            of(0).max(of(1)).max(of(2))
+        };
+        self.largest(change) == 0.0
+    }
+
     /// Sets each component of the velocity, m/s, to its `value` at its place, m.
     pub fn set_velocity(&mut self, value: impl Fn(Vector3<f64>) -> Vector3<f64>) {
         for cell in cells_of(&self.grid.all_cells()) {

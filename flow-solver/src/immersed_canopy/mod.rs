@@ -8,8 +8,10 @@
 //! Each rank computes a slab of the grid along z; all of them know the canopy and where it cuts the grid.
 
 mod canopy;
+mod cut;
 mod force_along;
 mod forces;
+mod impulsive_start;
 mod moving_grid;
 mod participant;
 mod ranks;

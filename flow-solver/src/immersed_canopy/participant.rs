@@ -20,13 +20,14 @@ use mesh::StructureMesh;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
+use super::cut::Cut;
 use super::force_along::MeanForceAlong;
 use super::forces::{CanopyForces, LoadedFace};
 use super::moving_grid::MovingGrid;
 use super::ranks::FlowRanks;
 use super::snapshot::{Place, Snapshots};
 use super::state::{Kinematics, Saved};
-use super::step::{AroundCanopy, Cut, OpenWindow, Solution, Start};
+use super::step::{AroundCanopy, OpenWindow, Solution, Start};
 use super::wind_by_height::{Climb, WindByHeight};
 use crate::face_permeability::FacePermeability;
 use crate::handover;

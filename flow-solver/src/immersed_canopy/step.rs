@@ -11,8 +11,7 @@
 //! Why: `docs/decisions/0084-solutions-of-a-divided-window.md`.
 
 use immersed::constraints::FluxConstraints;
-use immersed::cut_faces::{CutFaces, OutsideCore};
-use immersed::face_transfer::FaceTransfer;
+use immersed::cut_faces::OutsideCore;
 use immersed::flow::{Flow, PredictedFluxes, PressureJumps};
 use immersed::free_edges::EdgeFluxes;
 use immersed::friction::Friction;
@@ -20,6 +19,8 @@ use immersed::pressure_jumps::SolveHistory;
 use nalgebra::Vector3;
 
 use super::canopy::CanopySurface;
+use super::cut::Cut;
+use super::impulsive_start::rate_after_start;
 use super::wind_by_height::Climb;
 use crate::face_permeability::FacePermeability;
 
@@ -29,57 +30,6 @@ const MAX_COURANT: f64 = 0.4;
 const MAX_STEPS: usize = 1000;
 /// Share of a cell by which a node moves at most in the prediction of a step.
 const PREDICTED_MOTION: f64 = 0.5;
-
-/// Where the canopy cuts the grid at the end of a step, and how faces and constraints are connected there.
-#[derive(Clone, Debug, Default)]
-pub struct Cut {
-    /// Cut faces with their constraints.
-    pub faces: CutFaces,
-    /// Connection with the faces of the canopy.
-    pub transfer: FaceTransfer,
-    /// Area of the cloth of each row, m2.
-    areas: Vec<f64>,
-    /// Vertices of the surface, m.
-    vertices: Vec<Vector3<f64>>,
-}
-
-impl Cut {
-    /// For vertices of the surface in coordinates of the grid, m. Collective.
-    ///
-    /// # Errors
-    /// A node outside the even cells.
-    pub fn new(flow: &Flow, surface: &CanopySurface, vertices: &[Vector3<f64>]) -> Result<Self, OutsideCore> {
-        let CanopySurface { triangles, face_of, .. } = surface;
-        let (grid, ranks) = (&flow.grid, &**flow.slabs().ranks());
-        let faces = CutFaces::new(grid, vertices, triangles, 1.0)?;
-        let transfer = FaceTransfer::new(grid, vertices, triangles, face_of, &faces, ranks)?;
-        Ok(Self { areas: faces.rows.permeability.clone(), vertices: vertices.to_vec(), faces, transfer })
-    }
-
-    /// That of the `last` step where the surface has not moved in the grid since, else a new one.
-    fn from_last(
-        last: Option<&Self>,
-        flow: &Flow,
-        surface: &CanopySurface,
-        vertices: &[Vector3<f64>],
-    ) -> Result<Self, OutsideCore> {
-        match last.filter(|last| last.vertices == vertices) {
-            Some(last) => Ok(last.clone()),
-            None => Self::new(flow, surface, vertices),
-        }
-    }
-
-    /// Sets what passes through the cloth of the face of each row: nothing, or as at the last pressure jumps. `face_of`: face of each triangle; `floor`:
-    /// jump below which the law is linear, Pa.
-    pub fn set_cloth(&mut self, cloth: &FacePermeability, face_of: &[u32], jumps: &[f64], floor: f64) {
-        for (r, area) in self.areas.iter().enumerate() {
-            let jump = jumps.get(r).copied().unwrap_or(0.0).abs().max(floor);
-            let face = face_of[self.faces.triangle_of(r)] as usize;
-            self.faces.rows.permeability[r] =
-                area * cloth.at(face).map_or(0.0, |cloth| cloth.velocity(jump, 0.0) / jump);
-        }
-    }
-}
 
 /// A window that is solved, perhaps repeatedly, and not accepted yet.
 pub struct OpenWindow {
@@ -108,7 +58,7 @@ pub struct OpenWindow {
     histories: Vec<SolveHistory>,
     /// Its way through a wind that changes with height.
     climb: Option<Climb>,
-    /// Courant number of the window, sum over the axes, and largest speed relative to the grid at its start, m/s.
+    /// Courant number of the window, sum over the axes, and largest speed relative to the grid, m/s: at its start, after an impulsive start in its first step.
     pub courant: f64,
     pub speed: f64,
     /// Jumps of the last step of the last solution.
@@ -241,14 +191,21 @@ impl OpenWindow {
         last: Option<&(Cut, AroundCanopy)>,
     ) -> Result<Self, OutsideCore> {
         let _part = timing::part("cut");
-        let courant = flow.largest_rate(velocity) * dt;
+        let mut courant = flow.largest_rate(velocity) * dt;
         let spacing = flow.grid.axes[0].spacing;
         let mut nodes = Vec::new();
         let mut vertices = surface.vertices(start.positions, start.origin);
         let mut predictions =
             vec![AroundCanopy::new(last.map(|(_, around)| around), flow, surface, start, &vertices)?];
         let eddies = flow.largest_eddy_rate(predictions[0].friction.as_ref());
-        let count = steps(flow, dt, courant, eddies);
+        let mut count = steps(flow, dt, courant, eddies);
+        let velocities: Vec<_> = start.velocities.iter().map(|v| v + start.frame).collect();
+        let start_velocities = surface.means(&velocities);
+        if count > 1 && flow.last_step().1.is_none() && flow.is_undisturbed() {
+            let cut = Cut::new(flow, surface, &vertices)?;
+            courant = dt * rate_after_start(flow, cut, &start_velocities, velocity, dt / count as f64);
+            count = steps(flow, dt, courant, eddies);
+        }
         let mut cuts: Vec<Cut> = Vec::with_capacity(count);
         for step in 1..=count {
             if step > 1 {
@@ -262,7 +219,6 @@ impl OpenWindow {
             let cut = Cut::from_last(before, flow, surface, &vertices)?;
             cuts.push(cut);
         }
-        let velocities: Vec<_> = start.velocities.iter().map(|v| v + start.frame).collect();
         let speed = flow.largest_speed(velocity);
         Ok(Self {
             index,
@@ -273,7 +229,7 @@ impl OpenWindow {
             cuts,
             predictions,
             face_of: surface.face_of.clone(),
-            start_velocities: surface.means(&velocities),
+            start_velocities,
             start_jumps: Vec::new(),
             prediction: None,
             histories: vec![SolveHistory::default(); count],

@@ -83,6 +83,7 @@ fn immersed_flow_keeps_the_contract() {
     faces_receive_what_the_air_loses(&comm);
     laminar_flow_is_upwind_where_cells_do_not_resolve_it(&comm);
     damaged_state_is_refused(&comm);
+    steps_of_the_first_window_resolve_an_impulsive_start(&comm);
 }
 
 /// All solves of a window have one map from motion to load, and it is affine: what quasi-Newton methods converge on.
@@ -372,5 +373,24 @@ fn laminar_flow_is_upwind_where_cells_do_not_resolve_it(comm: &Comm) {
         let still = motion(&p, &scene, 0.0);
         solve(&mut p, &window(0, 0, DT), &still);
         assert_eq!(p.upwind_share(), share, "{more}");
+    }
+}
+
+/// Air at rest that a canopy meets at once turns around its edges several times as fast as the canopy. A first window of several steps is divided by this speed, not by that of
+/// the canopy; the Courant number falls from there on.
+fn steps_of_the_first_window_resolve_an_impulsive_start(comm: &Comm) {
+    let scene = scene("");
+    let mut p = flow(comm, &scene, None);
+    let of_canopy = FALL * SEVERAL_STEPS / 0.2;
+    let mut before = f64::INFINITY;
+    for index in 0..3 {
+        let w = window(index, 0, SEVERAL_STEPS);
+        let at_rest = motion(&p, &scene, 0.0);
+        let (_, stats) = solve(&mut p, &w, &at_rest);
+        p.accept(&w).expect("accepted");
+        let courant = stats.values[flow_stats::MAX_COURANT];
+        println!("Courant number {courant:.2}, of the canopy {of_canopy:.2}");
+        assert!(courant < before && courant > 1.5 * of_canopy, "{courant} after {before}");
+        before = courant;
     }
 }
