@@ -400,10 +400,8 @@ mod tests {
     use immersed::flow::Settings;
     use immersed::grid::{End, Ends, Grid};
     use immersed::momentum::Momentum;
-    use immersed::slabs::Alone;
 
     use super::*;
-    use crate::permeable::Permeability;
 
     /// A window of 0.1 s on cells of 0.1 m: by the Courant number, molecular viscosity and eddy viscosity, alone and together.
     #[test]
@@ -421,34 +419,5 @@ mod tests {
             [(0.3, 0.0), (0.3, 2.0), (0.0, 7.9), (0.0, 8.1)].map(|(c, e)| steps(&inviscid, 0.1, c, e));
         assert_eq!(found, [1, 2, 2, 3]);
         assert_eq!([0.9, 1.1, 5.1].map(|eddies| steps(&viscous, 0.1, 0.0, eddies)), [1, 2, 3]);
-    }
-
-    /// A square of two faces, the first airtight: air passes the rows of the second alone, by its law at the last jump.
-    #[test]
-    fn rows_have_the_permeability_of_their_face() {
-        let axis = || Axis::even(0.0, 1.6, 16);
-        let grid = Grid::new([axis(), axis(), axis()], [Ends::Open([End::Slip; 2]); 3]);
-        let at = |x: f64, y: f64| Vector3::new(x, y, 0.83);
-        let vertices = [at(0.5, 0.5), at(0.8, 0.5), at(1.1, 0.5), at(1.1, 1.1), at(0.8, 1.1), at(0.5, 1.1)];
-        let triangles = [[0u32, 1, 4], [0, 4, 5], [1, 2, 3], [1, 3, 4]];
-        let face_of = [0u32, 0, 1, 1];
-        let faces = CutFaces::new(&grid, &vertices, &triangles, 1.0).expect("inside the grid");
-        let transfer =
-            FaceTransfer::new(&grid, &vertices, &triangles, &face_of, &faces, &Alone).expect("inside");
-        let areas = faces.rows.permeability.clone();
-        let mut cut = Cut { areas: areas.clone(), vertices: vertices.to_vec(), faces, transfer };
-        let cloth = FacePermeability::by_face(vec![None, Some(Permeability::new(100.0, 50.0))]);
-        let jumps = vec![-30.0; areas.len()];
-        cut.set_cloth(&cloth, &face_of, &jumps, 1.0);
-        // 100 v + 50 v^2 = 30.
-        let velocity = -1.0 + 1.6f64.sqrt();
-        let mut rows = [0, 0];
-        for (r, (found, area)) in cut.faces.rows.permeability.iter().zip(&areas).enumerate() {
-            let face = face_of[cut.faces.triangle_of(r)];
-            rows[face as usize] += 1;
-            let exact = if face == 0 { 0.0 } else { area * velocity / 30.0 };
-            assert!((found - exact).abs() < 1e-12 * area, "row {r} on face {face}: {found} {exact}");
-        }
-        assert!(rows[0] > 10 && rows[1] > 10, "{rows:?}");
     }
 }
