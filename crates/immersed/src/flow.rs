@@ -505,7 +505,13 @@ impl Flow {
             (velocity[usize::from(c)][at] - predicted - gradient) / self.dt
         };
         let rates = self.at_walls.iter().copied().zip(predicted).map(rate).collect();
-        self.wall_rates = WallRates::new(std::mem::take(&mut self.at_walls), rates);
+        self.keep_wall_rates(rates);
+    }
+
+    /// Takes the rates at the values next to the surface; a first step has an impulse instead.
+    pub(crate) fn keep_wall_rates(&mut self, rates: Vec<f64>) {
+        let values = std::mem::take(&mut self.at_walls);
+        self.wall_rates = self.previous_dt.map_or_else(WallRates::default, |_| WallRates::new(values, rates));
     }
 
     /// Ends the step with the pressure jumps of the constraints.

@@ -21,7 +21,8 @@
 //! vanish, and the limit of the step is that of the air without walls. The side j takes
 //! $`\Delta t\, \tfrac{\nu}{h \delta_j} (\bar s + \bar W - \bar w_j)`$ from the velocity; its force on the surface is $`\rho h^3 / \Delta t`$ times that: what the air loses in the step, to round-off.
 //!
-//! Without the rate g friction would hold back what the pressure has not yet moved, an error of first order in the step. A value that was not next to the surface in the step before has none.
+//! Without the rate g friction would hold back what the pressure has not yet moved, an error of first order in the step. A value that was not next to the surface in the step before has none, and neither has the first step, whose
+//! pressure is an impulse.
 
 use std::ops::Range;
 
@@ -246,6 +247,10 @@ pub(crate) struct WallStep<'a> {
 /// `change`: what it would change in the step without them.
 fn lose(sides: &mut [WallSide], factor: f64, start: f64, change: f64, force: f64) -> f64 {
     let z = sides.iter().map(|s| factor / s.distance).sum::<f64>();
+    if z == 0.0 {
+        sides.iter_mut().for_each(|side| side.force = 0.0);
+        return 0.0;
+    }
     let mean = |of: fn(&WallSide) -> f64| sides.iter().map(|s| factor / s.distance * of(s)).sum::<f64>() / z;
     let [first, last] = [mean(|s| s.velocity[0]), mean(|s| s.velocity[1])];
     let (slip, change) = (start - first, change - (last - first));

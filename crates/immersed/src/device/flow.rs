@@ -10,7 +10,6 @@ use crate::constraints::{FluxConstraints, JumpsOfRows};
 use crate::flow::{Flow, PressureJumps};
 use crate::free_edges::EdgeFluxes;
 use crate::friction::Friction;
-use crate::wall_rates::WallRates;
 
 impl Flow {
     /// Computes the steps of this flow on `device` from now on; `None`: on this processor. The arrays of the host are those of the last [`Flow::gather`].
@@ -112,11 +111,10 @@ impl Flow {
             (self.factor(), self.dt),
             keep.then_some(self.previous_dt),
         );
-        let wall_rates = WallRates::new(std::mem::take(&mut self.at_walls), rates);
-        let before = std::mem::replace(&mut self.wall_rates, wall_rates);
         if keep {
-            self.kept_wall_rates = before;
+            self.kept_wall_rates.clone_from(&self.wall_rates);
         }
+        self.keep_wall_rates(rates);
         self.has_predicted_pressure = false;
         self.previous_dt = Some(self.dt);
     }

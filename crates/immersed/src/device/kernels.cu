@@ -207,6 +207,9 @@ KERNEL(wall) {
     const double start = a.start[c][at];
     double z = 0.0, first = 0.0, last = 0.0, lost = 0.0;
     for (unsigned s = begin; s < end; s++) z += a.factor / a.distance[s];
+    a.predicted[thread] = *u;
+    for (unsigned s = begin; s < end; s++) a.force[s] = 0.0;
+    if (z == 0.0) return;
     for (unsigned s = begin; s < end; s++) first += a.factor / a.distance[s] * a.first[s];
     for (unsigned s = begin; s < end; s++) last += a.factor / a.distance[s] * a.last[s];
     first = first / z;
