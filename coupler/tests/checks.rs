@@ -54,6 +54,7 @@ const CASES: &[(&str, &[&str])] = &[
     ("validation/rigid-cup/scene.toml", &["flow.cells-across"]),
     ("validation/ring-in-fluid/scene.toml", &["stages.force"]),
     ("validation/t-10/scene.toml", &[]),
+    ("validation/t-10/stability.toml", &[]),
     ("validation/tube-pulse/scene.toml", &[]),
 ];
 
