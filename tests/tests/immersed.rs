@@ -144,7 +144,12 @@ fn compare_ranks(folder: &Path, changes: &[(&str, &str)]) -> (PathBuf, PathBuf) 
         succeed(ripstop_run(&scene, &out, options));
         out
     };
-    let first = run("one", &[]);
+    let recording = folder.join("recording");
+    let first = run("one", &["--record", recording.to_str().expect("a path")]);
+    // The flow alone, with the motion of that run.
+    let mut replay = Command::new(program("ripstop"));
+    replay.arg("replay").arg(&recording).args(["--flow", "--ranks", "3", "--tolerance", "1e-9"]);
+    succeed(replay);
     let three = run("three", &["--ranks", "flow=3"]);
     run("mixed", &["--ranks", "flow=2", "--stop-after-windows", "5"]);
     let mixed = run("mixed", &["--ranks", "flow=1", "--resume"]);
