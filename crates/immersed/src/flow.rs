@@ -239,7 +239,7 @@ impl Flow {
         self.upload();
     }
 
-    /// Whether the velocity is that of the far field everywhere.
+    /// Whether the velocity is that of the far field everywhere, but for the round-off of an interpolation.
     pub fn is_undisturbed(&mut self) -> bool {
         self.download();
         let change = |cell: [usize; 3]| {
@@ -247,7 +247,7 @@ impl Flow {
             let of = |c: usize| (self.velocity[c][at] - self.far_field.at(c, cell[2] as isize)).abs();
             of(0).max(of(1)).max(of(2))
         };
-        self.largest(change) == 0.0
+        self.largest(change) <= 1e-12 * self.largest_speed(Vector3::zeros())
     }
 
     /// Sets each component of the velocity, m/s, to its `value` at its place, m.

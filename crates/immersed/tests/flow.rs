@@ -541,3 +541,19 @@ fn jumps_of_an_earlier_step_may_change_afterwards() {
         assert!(found.iter().all(|d| bounds.contains(d)), "{speed} m/s: {found:?}");
     }
 }
+
+/// A uniform stream stays undisturbed on another grid, whose interpolation leaves round-off; a push of a millionth does not.
+#[test]
+fn undisturbed_air_is_that_on_another_grid() {
+    let grid = |spacing: f64| {
+        let axis = || Axis::stretched([-1.0, 1.0], spacing, [1.3, 1.7], 1.3, 2);
+        let open = Ends::Open([End::Inflow, End::Outflow]);
+        Grid::new([axis(), axis(), axis()], [open, open, open])
+    };
+    let mut flow = Flow::new(grid(0.13), settings(Vector3::new(0.3, 0.7, -1.1), 0.0, 0.0));
+    assert!(flow.is_undisturbed());
+    let mut other = flow.on_grid(grid(0.11), Vector3::new(0.017, -0.023, 0.031), None).expect("a grid");
+    assert!(other.is_undisturbed());
+    other.perturb(1e-6);
+    assert!(!other.is_undisturbed());
+}
