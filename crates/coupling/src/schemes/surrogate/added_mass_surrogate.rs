@@ -27,14 +27,15 @@ use channel::LOAD_WIDTH;
 use serde::{Deserialize, Serialize};
 
 use super::closed_volume::{self, ClosedVolume, Finding};
-use super::inverse::{Inverse, factors};
+use super::inverse::Inverse;
 use super::orientation::{Orientation, best_rotation};
 use super::panel_groups::PanelGroups;
 use super::vortex_lattice::{Air, VortexLattice};
 use crate::error::RunError;
 use crate::geometry::{Vec3, at, direction, distinct, quad_area_vector};
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::least_squares::{Columns, axpy, norm};
+use crate::schemes::least_squares::{NormalEquations, axpy, norm};
+use crate::schemes::recent_columns::{self, RecentColumn};
 use crate::schemes::unknowns::Unknowns;
 
 /// Largest number of secants.
@@ -81,6 +82,22 @@ struct Secant {
     change: Vec<f64>,
     /// Smallest fraction of the step orthogonal to newer secants.
     filter: f64,
+    #[serde(skip)]
+    products: Vec<f64>,
+}
+
+impl RecentColumn for Secant {
+    fn values(&self) -> &[f64] {
+        &self.step
+    }
+
+    fn products(&self) -> &[f64] {
+        &self.products
+    }
+
+    fn products_mut(&mut self) -> &mut Vec<f64> {
+        &mut self.products
+    }
 }
 
 /// A saved surrogate: kinematics, length of the last window, secants, configuration of the lattice, displacement at the
@@ -125,7 +142,8 @@ pub struct AddedMassSurrogate {
     /// Length of the last window, s; 0 before it.
     dt: f64,
     secants: VecDeque<Secant>,
-    columns: Columns,
+    /// Of the steps of the secants.
+    factors: NormalEquations,
     closed: ClosedVolume,
 }
 
@@ -145,7 +163,7 @@ impl AddedMassSurrogate {
         if faces.is_empty() {
             return None;
         }
-        let inverse = Inverse::of(&factors(&lattice.influence))?;
+        let inverse = lattice.influence.inverse()?.clone();
         let moved = displacement.chunks_exact(3);
         let reference = lattice.positions.iter().zip(moved).map(|(x, d)| x - Vec3::from_column_slice(d));
         let at_rest = velocity.repeat(lattice.positions.len());
@@ -168,7 +186,7 @@ impl AddedMassSurrogate {
             kinematics,
             dt: 0.0,
             secants: VecDeque::new(),
-            columns: Columns::default(),
+            factors: NormalEquations::default(),
             closed: ClosedVolume::default(),
         })
     }
@@ -226,7 +244,7 @@ impl AddedMassSurrogate {
         let _part = timing::part("added mass assembly");
         let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
         let lattice = VortexLattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
-        self.inverse = Inverse::of(&factors(&lattice.influence))?;
+        self.inverse = lattice.influence.inverse()?.clone();
         self.normals.clone_from(&lattice.normals);
         self.assembled_normals.clone_from(&lattice.normals);
         self.areas.clone_from(&lattice.areas);
@@ -365,9 +383,9 @@ impl AddedMassSurrogate {
         }
         let signal = if steep { changed } else { length };
         let filter = FILTER.max(NOISE * load / signal);
-        self.secants.push_front(Secant { step, change, filter });
-        self.secants.truncate(MAX_SECANTS);
-        self.refactor();
+        self.secants.push_front(Secant { step, change, filter, products: Vec::new() });
+        recent_columns::truncate(&mut self.secants, MAX_SECANTS);
+        self.factorise();
         finding == Finding::Closed
     }
 
@@ -421,7 +439,8 @@ impl AddedMassSurrogate {
     /// Adds to `response` the change of the defect that the secants predict for a `step` of the added-mass load.
     pub fn apply_correction(&self, step: &[f64], response: &mut [f64]) {
         let mut rest = step.to_vec();
-        for (c, secant) in self.columns.remove(&mut rest).iter().zip(&self.secants) {
+        let coefficients = recent_columns::remove_span(&self.secants, &self.factors, &mut rest);
+        for (c, secant) in coefficients.iter().zip(&self.secants) {
             axpy(-c, &secant.change, response);
         }
     }
@@ -429,7 +448,7 @@ impl AddedMassSurrogate {
     /// Drops all secants.
     pub fn reset(&mut self) {
         self.secants.clear();
-        self.columns = Columns::default();
+        self.factors = NormalEquations::default();
     }
 
     /// Number of secants.
@@ -471,14 +490,12 @@ impl AddedMassSurrogate {
         }
         (self.kinematics, self.dt, self.secants) = (kinematics, dt, secants);
         // The saved secants pass the filter again and give the same factors.
-        self.refactor();
+        self.factorise();
         Ok(updates)
     }
 
-    fn refactor(&mut self) {
-        self.columns = Columns::default();
-        let columns = &mut self.columns;
-        self.secants.retain(|secant| columns.push(&secant.step, secant.filter));
+    fn factorise(&mut self) {
+        self.factors = recent_columns::factorise(&mut self.secants, |secant| secant.filter);
     }
 }
 

@@ -2,8 +2,9 @@
 
 pub mod added_mass_surrogate;
 pub mod closed_volume;
-mod definite;
+mod influence;
 pub mod inverse;
 pub mod orientation;
 pub mod panel_groups;
 pub mod vortex_lattice;
+mod vortex_rings;
