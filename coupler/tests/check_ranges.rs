@@ -162,6 +162,11 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/results/src/alternation.rs",
         "load_that_alternates_is_reported_with_its_amplitude",
     ),
+    (
+        "opening.vibrating-force",
+        "crates/results/src/opening.rs",
+        "vibration_of_the_risers_is_no_opening_load",
+    ),
     ("wake.symmetric", "crates/results/src/wake.rs", "symmetric_wake_is_reported_with_its_side_force"),
     ("wake.periods", "crates/results/src/wake.rs", "mean_over_too_few_periods_is_reported_with_their_number"),
     ("flow.unloaded-canopy", "crates/results/src/summary.rs", "canopy_without_a_load_is_warned_of"),

@@ -142,9 +142,11 @@ impl<'a> Run<'a> {
         summary.assess(&folder.join("history.csv"), context.scene, context.interface);
         let overloaded = summary.safety_factors.iter().filter_map(|f| f.warning(&summary.name));
         overloaded.for_each(|text| self.console.warning(&text));
-        if let Some(text) = summary.alternating_load.and_then(|a| a.warning(&summary.name)) {
-            self.console.warning(&text);
-        }
+        let of_loads = [
+            summary.alternating_load.and_then(|a| a.warning(&summary.name)),
+            summary.opening.and_then(|o| o.warning(&summary.name)),
+        ];
+        of_loads.iter().flatten().for_each(|text| self.console.warning(text));
         if ended.is_ok()
             && let Some(text) = summary.unloaded_canopy(context.scene, context.interface)
         {

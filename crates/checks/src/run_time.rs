@@ -248,6 +248,18 @@ pub const CHECKS: &[Check] = &[
         when: When::During(&["coupler"]),
     },
     Check {
+        id: "opening.vibrating-force",
+        what: "the largest riser force of an opening is no vibration of lines and risers",
+        estimate: "largest riser force at the end of a window over the largest mean of that force over a tenth of the nominal diameter by the speed at line stretch \
+                   (largest_force_n and largest_mean_force_n in summary.json)",
+        range: "warning above 1.1; nothing is said where a window is longer than that time",
+        source: "a mean over this time lowers a peak of the air's load by less than 1 %. Seventeen openings had 1.01 to 1.13 and 1.21, a canopy of 1.5 m on risers of \
+                 a large one 1.57",
+        severity: Warning,
+        remedy: "state the mean with its averaging time, set stage.stiffness_damping_s, give light canopies lines and risers of their size",
+        when: When::During(&["coupler"]),
+    },
+    Check {
         id: "descent.downward",
         what: "the frame falls no faster than gravity and the measured forces pull it",
         estimate: "acceleration of the frame compared with gravity and the downward forces of lines and drag on the payload, per mass",

@@ -38,6 +38,9 @@ pub(super) fn card(run: &Run) -> Option<Card> {
         ),
     };
     notes.insert(0, note.into());
+    let vibration = row("warning opening.vibrating-force");
+    let vibrates = vibration.is_some();
+    notes.extend(vibration);
     let filling = row("filling time")?;
     notes.push(if filling == STILL {
         format!("not final: {STILL}")
@@ -47,7 +50,7 @@ pub(super) fn card(run: &Run) -> Option<Card> {
     if row("drag area").is_some_and(|area| area.contains("not settled")) {
         notes.push("the drag area is not settled".into());
     }
-    Some(Card { label: "Opening factor".into(), value, notes, warn: false })
+    Some(Card { label: "Opening factor".into(), value, notes, warn: vibrates })
 }
 
 /// Figures of the opening; `None` where the canopy does not open in the stage.
@@ -75,11 +78,18 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ("its time, s", digits(o.largest_force_s)),
         ("the same over q S0", digits(o.largest_force_share)),
         (
+            "largest mean over a tenth of D0/v, N",
+            given(o.largest_mean_force_n, "none: a window is longer than that time"),
+        ),
+        ("a tenth of D0/v, s", digits(o.averaging_s)),
+        (
             "largest force coefficient, force over q S0 of the same moment",
             given(o.largest_coefficient, no_coefficient),
         ),
         ("its time, s", given(o.largest_coefficient_s, no_coefficient)),
     ];
+    let vibration = o.vibration();
+    rows.extend(vibration.map(|text| ("warning opening.vibrating-force", text)));
     let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
     if let Some(area) = drag_area(last.columns.all(), of(last)?.density_kg_m3) {
         let coefficient = area / reference.nominal_area_m2;
