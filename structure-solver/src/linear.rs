@@ -35,6 +35,8 @@ const LAYERS: usize = 3;
 /// Iterations with fresh factors of parts beyond which inertia is too weak for them, and
 /// each rank takes one factor of all its rows.
 const PARTS_LIMIT: usize = 60;
+/// Iterations after which the pace with a kept factor shows whether it still serves.
+const PATIENCE: usize = 3;
 /// Iterations that a factorisation is worth, of its multiplications over the bytes of the
 /// factor: an iteration reads that once, and about as much other data.
 const OF_RATIO: f64 = 0.5;
@@ -133,7 +135,7 @@ impl LinearSolver {
         self.relative = tolerance;
         x.fill(0.0);
         if matches!(self.by, Preconditioned::Jacobi(_)) {
-            if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
+            if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT, JACOBI_LIMIT).is_ok() {
                 return Ok(());
             }
             x.fill(0.0);
@@ -144,7 +146,7 @@ impl LinearSolver {
         if !self.stale {
             let Preconditioned::Direct(d) = &self.by else { unreachable!("made above") };
             let (expected, worth) = (d.expected(tolerance), d.worth);
-            match self.gmres(a, b, x, expected + worth) {
+            match self.gmres(a, b, x, expected + worth, PATIENCE) {
                 Ok(iterations) => {
                     self.stale = iterations > expected + worth / 2;
                     return Ok(());
@@ -180,7 +182,7 @@ impl LinearSolver {
         limit: usize,
     ) -> Result<Result<usize, KrylovError>, String> {
         self.refactor(a)?;
-        let result = self.gmres(a, b, x, limit);
+        let result = self.gmres(a, b, x, limit, limit);
         if let (Preconditioned::Direct(d), [first, .., last]) = (&mut self.by, self.gmres.history()) {
             (d.fresh, d.at) = (self.gmres.history().len() - 1, last / first);
         }
@@ -205,11 +207,17 @@ impl LinearSolver {
         b: &[f64],
         x: &mut [f64],
         limit: usize,
+        patience: usize,
     ) -> Result<usize, KrylovError> {
         let _part = timing::part("GMRES");
         let start = Instant::now();
-        let params =
-            KrylovParams { rel_tol: self.relative, max_iterations: limit, restart: 60, ..Default::default() };
+        let params = KrylovParams {
+            rel_tol: self.relative,
+            max_iterations: limit,
+            restart: 60,
+            patience,
+            ..Default::default()
+        };
         let result = match &self.by {
             Preconditioned::Jacobi(j) => {
                 let j = j.as_ref().expect("made before the first solve");
