@@ -7,7 +7,7 @@ use std::time::Instant;
 use comm::Comm;
 use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovError, KrylovParams, SchwarzLu};
 
-use crate::warm_start::{DirectWarmStart, LinearWarmStart};
+use crate::warm_start::{DirectWarmStart, LinearWarmStart, WHOLE_MATRIX};
 
 /// What solving has cost so far.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,7 +33,8 @@ const WHOLE: usize = 20_000;
 const PART: usize = 5_000;
 const LAYERS: usize = 3;
 /// Iterations with fresh factors of parts beyond which inertia is too weak for them, and
-/// each rank takes one factor of all its rows.
+/// each rank takes one factor of all its rows; and with those of the symmetric part beyond
+/// which they are of the matrix itself.
 const PARTS_LIMIT: usize = 60;
 /// Iterations after which the pace with a kept factor shows whether it still serves.
 const PATIENCE: usize = 3;
@@ -50,11 +51,21 @@ enum Preconditioned {
     Direct(Box<Direct>),
 }
 
+/// Which direct factors there are. Each costs more than the one before and serves more matrices.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// Of the symmetric part in several subdomains on a rank.
+    Cut,
+    /// Of the symmetric part. A tangent differs from it by follower loads and friction.
+    Symmetric,
+    /// Of the matrix itself.
+    Whole,
+}
+
 /// Direct factors that are kept while they serve.
 struct Direct {
     lu: SchwarzLu<3>,
-    /// Several subdomains on a rank.
-    cut: bool,
+    kind: Kind,
     /// Iterations that cost about as much as a factorisation, the same on all ranks.
     worth: usize,
     /// Iterations of the first solve with the present factor, and its relative tolerance.
@@ -66,13 +77,17 @@ struct Direct {
 
 impl Direct {
     /// Collective.
-    fn new(a: &BlockCsr<3>, cut: bool) -> Self {
+    fn new(a: &BlockCsr<3>, kind: Kind) -> Self {
         let comm = a.halo().comm();
-        let lu = if cut { SchwarzLu::plan_parts(a, PART, LAYERS) } else { SchwarzLu::plan(a) };
+        let lu = match kind {
+            Kind::Cut => SchwarzLu::plan_symmetric(a, PART, LAYERS),
+            Kind::Symmetric => SchwarzLu::plan_symmetric(a, usize::MAX, 0),
+            Kind::Whole => SchwarzLu::plan(a),
+        };
         let ratio = comm.max(lu.flops() as f64 / lu.bytes().max(1) as f64);
         Self {
             lu,
-            cut,
+            kind,
             worth: (OF_RATIO * ratio).clamp(4.0, 16.0) as usize,
             fresh: 1,
             at: 1.0,
@@ -140,7 +155,8 @@ impl LinearSolver {
             }
             x.fill(0.0);
             let cut = self.comm.max(a.n_rows() as f64) > WHOLE as f64;
-            self.by = Preconditioned::Direct(Box::new(Direct::new(a, cut)));
+            let kind = if cut { Kind::Cut } else { Kind::Symmetric };
+            self.by = Preconditioned::Direct(Box::new(Direct::new(a, kind)));
             self.stale = true;
         }
         if !self.stale {
@@ -157,18 +173,25 @@ impl LinearSolver {
                 Err(_) => x.fill(0.0),
             }
         }
-        let cut = matches!(&self.by, Preconditioned::Direct(d) if d.cut);
-        let mut result = self.fresh(a, b, x, if cut { PARTS_LIMIT } else { LIMIT })?;
-        if cut && let Err(KrylovError::NotConverged { .. }) = result {
-            self.by = Preconditioned::Direct(Box::new(Direct::new(a, false)));
-            result = self.fresh(a, b, x, LIMIT)?;
-        }
-        match result {
-            // A correction to rounding is still one: Newton judges it.
-            Ok(_) | Err(KrylovError::Stalled { .. }) => Ok(()),
-            Err(e) => {
-                self.stale = true;
-                Err(e.to_string())
+        loop {
+            let next = match &self.by {
+                Preconditioned::Direct(d) if d.kind == Kind::Cut => Some(Kind::Symmetric),
+                Preconditioned::Direct(d) if d.kind == Kind::Symmetric => Some(Kind::Whole),
+                _ => None,
+            };
+            let limit = if next.is_some() { PARTS_LIMIT } else { LIMIT };
+            match (self.fresh(a, b, x, limit), next) {
+                // A correction to rounding is still one: Newton judges it.
+                (Ok(Ok(_) | Err(KrylovError::Stalled { .. })), _) => return Ok(()),
+                // A matrix that has an inverse may have a singular symmetric part.
+                (Err(_) | Ok(Err(KrylovError::NotConverged { .. })), Some(kind)) => {
+                    self.by = Preconditioned::Direct(Box::new(Direct::new(a, kind)));
+                }
+                (Err(cause), None) => return Err(cause),
+                (Ok(Err(e)), _) => {
+                    self.stale = true;
+                    return Err(e.to_string());
+                }
             }
         }
     }
@@ -248,8 +271,8 @@ impl LinearSolver {
         let direct = match &self.by {
             Preconditioned::Jacobi(_) => None,
             Preconditioned::Direct(d) => Some(DirectWarmStart {
-                cut: d.cut,
-                fresh: d.fresh as u64,
+                cut: d.kind == Kind::Cut,
+                fresh: d.fresh as u64 | if d.kind == Kind::Whole { WHOLE_MATRIX } else { 0 },
                 at: d.at,
                 matrix: if self.stale { Vec::new() } else { d.of.clone() },
             }),
@@ -262,8 +285,13 @@ impl LinearSolver {
     pub fn restore_state(&mut self, memory: LinearWarmStart, a: &mut BlockCsr<3>) {
         self.stale = memory.stale;
         let Some(m) = memory.direct else { return };
-        let mut direct = Direct::new(a, m.cut);
-        (direct.fresh, direct.at) = (m.fresh as usize, m.at);
+        let kind = match (m.cut, m.fresh & WHOLE_MATRIX != 0) {
+            (true, _) => Kind::Cut,
+            (false, false) => Kind::Symmetric,
+            (false, true) => Kind::Whole,
+        };
+        let mut direct = Direct::new(a, kind);
+        (direct.fresh, direct.at) = ((m.fresh & !WHOLE_MATRIX) as usize, m.at);
         if !m.matrix.is_empty() {
             a.values.clone_from(&m.matrix);
             // What was factorised once can be again.
@@ -276,5 +304,80 @@ impl LinearSolver {
     /// Renews the factor before the next solve (after a change of time step).
     pub fn renew(&mut self) {
         self.stale = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use comm::Halo;
+    use linalg::Operator;
+
+    use super::*;
+
+    /// A ring whose rows turn into each other: nearly all of the matrix is skew, and its symmetric
+    /// part says next to nothing about it.
+    fn turning(n: usize) -> BlockCsr<3> {
+        let near = |i: usize| [1, 7].map(|k| [((i + k) % n) as u32, ((i + n - k) % n) as u32]).concat();
+        let lists: Vec<Vec<u32>> = (0..n).map(near).collect();
+        let mut a = BlockCsr::<3>::from_adjacency(Rc::new(Halo::solo(n)), &lists);
+        for i in 0..n {
+            for s in a.row(i) {
+                let j = a.cols()[s] as usize;
+                let forward = (j + n - i) % n < n / 2;
+                let v = if i == j {
+                    1.0
+                } else if forward {
+                    40.0 + i as f64
+                } else {
+                    -40.0 - j as f64
+                };
+                a.values[s] = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { v } else { 0.0 }));
+            }
+        }
+        a
+    }
+
+    fn is_whole(solver: &LinearSolver) -> bool {
+        matches!(&solver.by, Preconditioned::Direct(d) if d.kind == Kind::Whole)
+    }
+
+    #[test]
+    fn a_matrix_far_from_its_symmetric_part_is_factorised_itself_after_a_restart_too() {
+        let mut a = turning(300);
+        let b: Vec<f64> = (0..900).map(|i| (i as f64 * 0.3).sin()).collect();
+        let (mut x, mut y) = (vec![0.0; 900], vec![0.0; 900]);
+        let mut solver = LinearSolver::new(&Comm::solo(), 1e-8);
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        a.apply(&mut x, &mut y);
+        assert!(y.iter().zip(&b).all(|(y, b)| (y - b).abs() < 1e-5));
+        assert!(is_whole(&solver));
+        let mut other = LinearSolver::new(&Comm::solo(), 1e-8);
+        other.restore_state(solver.save_state(), &mut a);
+        assert!(is_whole(&other));
+        let mut again = vec![0.0; 900];
+        for (solver, x) in [(&mut solver, &mut x), (&mut other, &mut again)] {
+            solver.solve(&a, true, &b, x, 1e-8).unwrap();
+        }
+        assert_eq!(x, again);
+    }
+
+    #[test]
+    fn a_kept_factor_that_is_slow_is_renewed_after_a_few_iterations() {
+        let mut a = turning(300);
+        let b: Vec<f64> = (0..900).map(|i| (i as f64 * 0.3).sin()).collect();
+        let mut x = vec![0.0; 900];
+        let mut solver = LinearSolver::new(&Comm::solo(), 1e-8);
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        let before = solver.cost;
+        for (k, v) in a.values.iter_mut().enumerate() {
+            v.iter_mut().flatten().for_each(|v| *v *= 1.0 + 0.9 * (k as f64).sin());
+        }
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        assert_eq!(solver.cost.factorisations, before.factorisations + 1);
+        let iterations = solver.cost.iterations - before.iterations;
+        let Preconditioned::Direct(direct) = &solver.by else { panic!("Jacobi served") };
+        assert_eq!(iterations, (PATIENCE + direct.fresh) as u64);
     }
 }

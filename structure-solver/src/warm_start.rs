@@ -26,12 +26,16 @@ pub struct LinearWarmStart {
     pub stale: bool,
 }
 
+/// In [`DirectWarmStart::fresh`]: the factors are of the matrix itself and not of its symmetric part.
+pub(crate) const WHOLE_MATRIX: u64 = 1 << 32;
+
 /// What direct factors were made of, and how they served.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct DirectWarmStart {
     /// Several subdomains on a rank.
     pub cut: bool,
-    /// Iterations of the first solve with the present factor, and its relative tolerance.
+    /// Iterations of the first solve with the present factor, and its relative tolerance. A bit
+    /// above them says what is factorised; files of earlier versions do not have it.
     pub fresh: u64,
     /// See `fresh`.
     pub at: f64,
