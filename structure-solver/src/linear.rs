@@ -33,8 +33,11 @@ const WHOLE: usize = 20_000;
 const PART: usize = 5_000;
 const LAYERS: usize = 3;
 /// Iterations with fresh factors of parts beyond which inertia is too weak for them, and
-/// each rank takes one factor of all its rows.
+/// each rank takes one factor of all its rows; and with those of the symmetric part beyond
+/// which they are of the matrix itself.
 const PARTS_LIMIT: usize = 60;
+/// Iterations after which the pace with a kept factor shows whether it still serves.
+const PATIENCE: usize = 3;
 /// Iterations that a factorisation is worth, of its multiplications over the bytes of the
 /// factor: an iteration reads that once, and about as much other data.
 const OF_RATIO: f64 = 0.5;
@@ -48,11 +51,33 @@ enum Preconditioned {
     Direct(Box<Direct>),
 }
 
+/// Which direct factors there are. Each costs more than the one before and serves more matrices.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u8)]
+enum Kind {
+    /// Of the symmetric part in several subdomains on a rank.
+    Cut = 1,
+    /// Of the symmetric part. A tangent differs from it by follower loads and friction.
+    Symmetric = 0,
+    /// Of the matrix itself.
+    Whole = 2,
+}
+
+impl Kind {
+    /// That of a number of a saved state.
+    fn saved(number: u8) -> Self {
+        match number {
+            0 => Self::Symmetric,
+            1 => Self::Cut,
+            _ => Self::Whole,
+        }
+    }
+}
+
 /// Direct factors that are kept while they serve.
 struct Direct {
     lu: SchwarzLu<3>,
-    /// Several subdomains on a rank.
-    cut: bool,
+    kind: Kind,
     /// Iterations that cost about as much as a factorisation, the same on all ranks.
     worth: usize,
     /// Iterations of the first solve with the present factor, and its relative tolerance.
@@ -64,13 +89,17 @@ struct Direct {
 
 impl Direct {
     /// Collective.
-    fn new(a: &BlockCsr<3>, cut: bool) -> Self {
+    fn new(a: &BlockCsr<3>, kind: Kind) -> Self {
         let comm = a.halo().comm();
-        let lu = if cut { SchwarzLu::plan_parts(a, PART, LAYERS) } else { SchwarzLu::plan(a) };
+        let lu = match kind {
+            Kind::Cut => SchwarzLu::plan_symmetric(a, PART, LAYERS),
+            Kind::Symmetric => SchwarzLu::plan_symmetric(a, usize::MAX, 0),
+            Kind::Whole => SchwarzLu::plan(a),
+        };
         let ratio = comm.max(lu.flops() as f64 / lu.bytes().max(1) as f64);
         Self {
             lu,
-            cut,
+            kind,
             worth: (OF_RATIO * ratio).clamp(4.0, 16.0) as usize,
             fresh: 1,
             at: 1.0,
@@ -133,18 +162,19 @@ impl LinearSolver {
         self.relative = tolerance;
         x.fill(0.0);
         if matches!(self.by, Preconditioned::Jacobi(_)) {
-            if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT).is_ok() {
+            if (!changed || self.jacobi(a)?) && self.gmres(a, b, x, JACOBI_LIMIT, JACOBI_LIMIT).is_ok() {
                 return Ok(());
             }
             x.fill(0.0);
             let cut = self.comm.max(a.n_rows() as f64) > WHOLE as f64;
-            self.by = Preconditioned::Direct(Box::new(Direct::new(a, cut)));
+            let kind = if cut { Kind::Cut } else { Kind::Symmetric };
+            self.by = Preconditioned::Direct(Box::new(Direct::new(a, kind)));
             self.stale = true;
         }
         if !self.stale {
             let Preconditioned::Direct(d) = &self.by else { unreachable!("made above") };
             let (expected, worth) = (d.expected(tolerance), d.worth);
-            match self.gmres(a, b, x, expected + worth) {
+            match self.gmres(a, b, x, expected + worth, PATIENCE) {
                 Ok(iterations) => {
                     self.stale = iterations > expected + worth / 2;
                     return Ok(());
@@ -155,18 +185,25 @@ impl LinearSolver {
                 Err(_) => x.fill(0.0),
             }
         }
-        let cut = matches!(&self.by, Preconditioned::Direct(d) if d.cut);
-        let mut result = self.fresh(a, b, x, if cut { PARTS_LIMIT } else { LIMIT })?;
-        if cut && let Err(KrylovError::NotConverged { .. }) = result {
-            self.by = Preconditioned::Direct(Box::new(Direct::new(a, false)));
-            result = self.fresh(a, b, x, LIMIT)?;
-        }
-        match result {
-            // A correction to rounding is still one: Newton judges it.
-            Ok(_) | Err(KrylovError::Stalled { .. }) => Ok(()),
-            Err(e) => {
-                self.stale = true;
-                Err(e.to_string())
+        loop {
+            let next = match &self.by {
+                Preconditioned::Direct(d) if d.kind == Kind::Cut => Some(Kind::Symmetric),
+                Preconditioned::Direct(d) if d.kind == Kind::Symmetric => Some(Kind::Whole),
+                _ => None,
+            };
+            let limit = if next.is_some() { PARTS_LIMIT } else { LIMIT };
+            match (self.fresh(a, b, x, limit), next) {
+                // A correction to rounding is still one: Newton judges it.
+                (Ok(Ok(_) | Err(KrylovError::Stalled { .. })), _) => return Ok(()),
+                // A matrix that has an inverse may have a singular symmetric part.
+                (Err(_) | Ok(Err(KrylovError::NotConverged { .. })), Some(kind)) => {
+                    self.by = Preconditioned::Direct(Box::new(Direct::new(a, kind)));
+                }
+                (Err(cause), None) => return Err(cause),
+                (Ok(Err(e)), _) => {
+                    self.stale = true;
+                    return Err(e.to_string());
+                }
             }
         }
     }
@@ -180,7 +217,7 @@ impl LinearSolver {
         limit: usize,
     ) -> Result<Result<usize, KrylovError>, String> {
         self.refactor(a)?;
-        let result = self.gmres(a, b, x, limit);
+        let result = self.gmres(a, b, x, limit, limit);
         if let (Preconditioned::Direct(d), [first, .., last]) = (&mut self.by, self.gmres.history()) {
             (d.fresh, d.at) = (self.gmres.history().len() - 1, last / first);
         }
@@ -205,11 +242,17 @@ impl LinearSolver {
         b: &[f64],
         x: &mut [f64],
         limit: usize,
+        patience: usize,
     ) -> Result<usize, KrylovError> {
         let _part = timing::part("GMRES");
         let start = Instant::now();
-        let params =
-            KrylovParams { rel_tol: self.relative, max_iterations: limit, restart: 60, ..Default::default() };
+        let params = KrylovParams {
+            rel_tol: self.relative,
+            max_iterations: limit,
+            restart: 60,
+            patience,
+            ..Default::default()
+        };
         let result = match &self.by {
             Preconditioned::Jacobi(j) => {
                 let j = j.as_ref().expect("made before the first solve");
@@ -240,7 +283,7 @@ impl LinearSolver {
         let direct = match &self.by {
             Preconditioned::Jacobi(_) => None,
             Preconditioned::Direct(d) => Some(DirectWarmStart {
-                cut: d.cut,
+                kind: d.kind as u8,
                 fresh: d.fresh as u64,
                 at: d.at,
                 matrix: if self.stale { Vec::new() } else { d.of.clone() },
@@ -254,7 +297,7 @@ impl LinearSolver {
     pub fn restore_state(&mut self, memory: LinearWarmStart, a: &mut BlockCsr<3>) {
         self.stale = memory.stale;
         let Some(m) = memory.direct else { return };
-        let mut direct = Direct::new(a, m.cut);
+        let mut direct = Direct::new(a, Kind::saved(m.kind));
         (direct.fresh, direct.at) = (m.fresh as usize, m.at);
         if !m.matrix.is_empty() {
             a.values.clone_from(&m.matrix);
@@ -268,5 +311,80 @@ impl LinearSolver {
     /// Renews the factor before the next solve (after a change of time step).
     pub fn renew(&mut self) {
         self.stale = true;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::rc::Rc;
+
+    use comm::Halo;
+    use linalg::Operator;
+
+    use super::*;
+
+    /// A ring whose rows turn into each other: nearly all of the matrix is skew, and its symmetric
+    /// part says next to nothing about it.
+    fn turning(n: usize) -> BlockCsr<3> {
+        let near = |i: usize| [1, 7].map(|k| [((i + k) % n) as u32, ((i + n - k) % n) as u32]).concat();
+        let lists: Vec<Vec<u32>> = (0..n).map(near).collect();
+        let mut a = BlockCsr::<3>::from_adjacency(Rc::new(Halo::solo(n)), &lists);
+        for i in 0..n {
+            for s in a.row(i) {
+                let j = a.cols()[s] as usize;
+                let forward = (j + n - i) % n < n / 2;
+                let v = if i == j {
+                    1.0
+                } else if forward {
+                    40.0 + i as f64
+                } else {
+                    -40.0 - j as f64
+                };
+                a.values[s] = std::array::from_fn(|r| std::array::from_fn(|c| if r == c { v } else { 0.0 }));
+            }
+        }
+        a
+    }
+
+    fn is_whole(solver: &LinearSolver) -> bool {
+        matches!(&solver.by, Preconditioned::Direct(d) if d.kind == Kind::Whole)
+    }
+
+    #[test]
+    fn a_matrix_far_from_its_symmetric_part_is_factorised_itself_after_a_restart_too() {
+        let mut a = turning(300);
+        let b: Vec<f64> = (0..900).map(|i| (i as f64 * 0.3).sin()).collect();
+        let (mut x, mut y) = (vec![0.0; 900], vec![0.0; 900]);
+        let mut solver = LinearSolver::new(&Comm::solo(), 1e-8);
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        a.apply(&mut x, &mut y);
+        assert!(y.iter().zip(&b).all(|(y, b)| (y - b).abs() < 1e-5));
+        assert!(is_whole(&solver));
+        let mut other = LinearSolver::new(&Comm::solo(), 1e-8);
+        other.restore_state(solver.save_state(), &mut a);
+        assert!(is_whole(&other));
+        let mut again = vec![0.0; 900];
+        for (solver, x) in [(&mut solver, &mut x), (&mut other, &mut again)] {
+            solver.solve(&a, true, &b, x, 1e-8).unwrap();
+        }
+        assert_eq!(x, again);
+    }
+
+    #[test]
+    fn a_kept_factor_that_is_slow_is_renewed_after_a_few_iterations() {
+        let mut a = turning(300);
+        let b: Vec<f64> = (0..900).map(|i| (i as f64 * 0.3).sin()).collect();
+        let mut x = vec![0.0; 900];
+        let mut solver = LinearSolver::new(&Comm::solo(), 1e-8);
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        let before = solver.cost;
+        for (k, v) in a.values.iter_mut().enumerate() {
+            v.iter_mut().flatten().for_each(|v| *v *= 1.0 + 0.9 * (k as f64).sin());
+        }
+        solver.solve(&a, true, &b, &mut x, 1e-8).unwrap();
+        assert_eq!(solver.cost.factorisations, before.factorisations + 1);
+        let iterations = solver.cost.iterations - before.iterations;
+        let Preconditioned::Direct(direct) = &solver.by else { panic!("Jacobi served") };
+        assert_eq!(iterations, (PATIENCE + direct.fresh) as u64);
     }
 }

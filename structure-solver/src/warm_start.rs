@@ -29,8 +29,9 @@ pub struct LinearWarmStart {
 /// What direct factors were made of, and how they served.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct DirectWarmStart {
-    /// Several subdomains on a rank.
-    pub cut: bool,
+    /// What they are of: 0 the symmetric part, 1 that in several subdomains on a rank, 2 the matrix
+    /// itself. Earlier versions had a truth value for the first two in this place.
+    pub kind: u8,
     /// Iterations of the first solve with the present factor, and its relative tolerance.
     pub fresh: u64,
     /// See `fresh`.
@@ -125,8 +126,8 @@ pub fn restore_state(dynamics: &mut Dynamics, folder: &Path) -> Result<bool, Fau
     agree(&comm, restored.map_err(|reason| archive::Error::content(&file, reason)))?;
     let accepted = &mut dynamics.accepted;
     (accepted.u, accepted.v, accepted.a) = (u, v, a);
-    let cut = linear.direct.as_ref().map_or(2, |d| u64::from(d.cut));
-    if comm.all_gather_u64(cut).iter().any(|c| *c != cut) {
+    let kind = linear.direct.as_ref().map_or(u64::MAX, |d| u64::from(d.kind));
+    if comm.all_gather_u64(kind).iter().any(|k| *k != kind) {
         return Err(Fault::new(archive::Error::content(
             &file,
             "the saved factorisations of the ranks differ",

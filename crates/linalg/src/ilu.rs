@@ -5,6 +5,13 @@ use std::cell::RefCell;
 use crate::block::{Real, invert};
 use crate::{BlockCsr, Preconditioner, SingularBlock};
 
+/// Numbers of a register that holds a column of a block.
+const LANES: usize = 4;
+
+/// A block by columns, each filled up with zeros: a product with a vector is one operation
+/// on whole registers for each column.
+type Columns<const B: usize, T> = [[T; LANES]; B];
+
 /// ILU(0) of the rank's own rows and columns, by blocks, stored in precision `T`.
 ///
 /// The factor has the pattern of the matrix. Between ranks it is block Jacobi. For a
@@ -17,9 +24,9 @@ pub(crate) struct BlockIlu0<const B: usize, T: Real = f64> {
     /// Slot of the matrix behind each entry.
     source: Vec<usize>,
     /// Unit lower factor, inverse diagonal, upper factor.
-    values: Vec<[[T; B]; B]>,
+    values: Vec<Columns<B, T>>,
     place: Vec<u32>,
-    x: RefCell<Vec<[T; B]>>,
+    x: RefCell<Vec<[T; LANES]>>,
 }
 
 impl<const B: usize, T: Real> BlockIlu0<B, T> {
@@ -56,24 +63,18 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
             }
             self.row_ptr.push(self.cols.len());
         }
-        let zero = [[T::default(); B]; B];
-        self.values.resize(self.cols.len(), zero);
+        const { assert!(B <= LANES) };
+        self.values.resize(self.cols.len(), [[T::default(); LANES]; B]);
         self.place.clear();
         self.place.resize(rows.len(), u32::MAX);
-        self.x.borrow_mut().resize(rows.len(), [T::default(); B]);
+        self.x.borrow_mut().resize(rows.len(), [T::default(); LANES]);
         self.refactor(a)
-    }
-
-    /// Columns and slots in the matrix of the entries of row `i`.
-    pub fn row(&self, i: usize) -> impl Iterator<Item = (usize, usize)> {
-        let row = self.row_ptr[i]..self.row_ptr[i + 1];
-        self.cols[row.clone()].iter().map(|j| *j as usize).zip(self.source[row].iter().copied())
     }
 
     /// Factorises the values of `a` on the pattern at hand.
     fn refactor(&mut self, a: &BlockCsr<B>) -> Result<(), SingularBlock> {
         for (v, &s) in self.values.iter_mut().zip(&self.source) {
-            *v = a.values[s].map(|row| row.map(T::from_f64));
+            *v = columns(&a.values[s]);
         }
         for i in 0..self.diagonal.len() {
             let row = self.row_ptr[i]..self.row_ptr[i + 1];
@@ -87,11 +88,8 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
                 for u in self.diagonal[k] + 1..self.row_ptr[k + 1] {
                     let at = self.place[self.cols[u] as usize];
                     if at != u32::MAX {
-                        let lu = product(&l, &self.values[u]);
-                        let target = &mut self.values[at as usize];
-                        for r in 0..B {
-                            (0..B).for_each(|c| target[r][c] -= lu[r][c]);
-                        }
+                        let upper = self.values[u];
+                        subtract_product(&mut self.values[at as usize], &l, &upper);
                     }
                 }
             }
@@ -99,8 +97,7 @@ impl<const B: usize, T: Real> BlockIlu0<B, T> {
                 self.place[self.cols[s] as usize] = u32::MAX;
             }
             let d = &mut self.values[self.diagonal[i]];
-            let inverse = invert(&d.map(|r| r.map(T::to_f64))).ok_or(SingularBlock { row: i })?;
-            *d = inverse.map(|r| r.map(T::from_f64));
+            *d = columns(&invert(&rows_of(d)).ok_or(SingularBlock { row: i })?);
         }
         Ok(())
     }
@@ -112,48 +109,84 @@ impl<const B: usize, T: Real> Preconditioner for BlockIlu0<B, T> {
         let (r, z) = (r.as_chunks::<B>().0, z.as_chunks_mut::<B>().0);
         let n = x.len();
         for i in 0..n {
-            let mut s = r[i].map(T::from_f64);
+            let mut s = [T::default(); LANES];
+            (0..B).for_each(|c| s[c] = T::from_f64(r[i][c]));
             self.subtract(&mut s, self.row_ptr[i]..self.diagonal[i], &x);
             x[i] = s;
         }
         for i in (0..n).rev() {
             let mut s = x[i];
             self.subtract(&mut s, self.diagonal[i] + 1..self.row_ptr[i + 1], &x);
-            let d = &self.values[self.diagonal[i]];
-            for r in 0..B {
-                let mut sum = d[r][0] * s[0];
-                (1..B).for_each(|c| sum += d[r][c] * s[c]);
-                x[i][r] = sum;
+            let mut solution = [T::default(); LANES];
+            for (column, s) in self.values[self.diagonal[i]].iter().zip(s) {
+                add_scaled(&mut solution, column, s);
             }
-            z[i] = x[i].map(T::to_f64);
+            x[i] = solution;
+            (0..B).for_each(|c| z[i][c] = solution[c].to_f64());
         }
     }
 }
 
 impl<const B: usize, T: Real> BlockIlu0<B, T> {
     #[inline(always)]
-    fn subtract(&self, s: &mut [T; B], slots: std::ops::Range<usize>, x: &[[T; B]]) {
+    fn subtract(&self, s: &mut [T; LANES], slots: std::ops::Range<usize>, x: &[[T; LANES]]) {
+        // A sum for each column: short chains of dependent operations.
+        let mut sums = [[T::default(); LANES]; B];
         for (&j, a) in self.cols[slots.clone()].iter().zip(&self.values[slots]) {
             let x = &x[j as usize];
-            for r in 0..B {
-                let mut sum = a[r][0] * x[0];
-                (1..B).for_each(|c| sum = a[r][c].fused(x[c], sum));
-                s[r] -= sum;
-            }
+            (0..B).for_each(|c| add_scaled(&mut sums[c], &a[c], x[c]));
+        }
+        for sum in &sums {
+            (0..LANES).for_each(|l| s[l] -= sum[l]);
         }
     }
 }
 
-fn product<const B: usize, T: Real>(a: &[[T; B]; B], b: &[[T; B]; B]) -> [[T; B]; B] {
-    let mut p = [[T::default(); B]; B];
+/// `s += a x`, lane by lane.
+#[inline(always)]
+fn add_scaled<T: Real>(s: &mut [T; LANES], a: &[T; LANES], x: T) {
+    for l in 0..LANES {
+        s[l] = a[l].fused(x, s[l]);
+    }
+}
+
+/// A block `[row][column]` by columns in precision `T`.
+#[inline(always)]
+fn columns<const B: usize, T: Real>(a: &[[f64; B]; B]) -> Columns<B, T> {
+    let mut by_columns = [[T::default(); LANES]; B];
     for r in 0..B {
-        for k in 0..B {
-            for c in 0..B {
-                p[r][c] += a[r][k] * b[k][c];
-            }
+        for c in 0..B {
+            by_columns[c][r] = T::from_f64(a[r][c]);
         }
     }
+    by_columns
+}
+
+/// The way back from [`columns`].
+fn rows_of<const B: usize, T: Real>(a: &Columns<B, T>) -> [[f64; B]; B] {
+    std::array::from_fn(|r| std::array::from_fn(|c| a[c][r].to_f64()))
+}
+
+/// `a b`.
+#[inline(always)]
+fn product<const B: usize, T: Real>(a: &Columns<B, T>, b: &Columns<B, T>) -> Columns<B, T> {
+    let mut p = [[T::default(); LANES]; B];
+    for (p, b) in p.iter_mut().zip(b) {
+        (0..B).for_each(|k| add_scaled(p, &a[k], b[k]));
+    }
     p
+}
+
+/// `target -= a b`.
+#[inline(always)]
+fn subtract_product<const B: usize, T: Real>(
+    target: &mut Columns<B, T>,
+    a: &Columns<B, T>,
+    b: &Columns<B, T>,
+) {
+    for (t, b) in target.iter_mut().zip(b) {
+        (0..B).for_each(|k| add_scaled(t, &a[k], -b[k]));
+    }
 }
 
 #[cfg(test)]

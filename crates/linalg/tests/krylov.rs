@@ -37,7 +37,8 @@ fn error(x: &[f64], exact: &[f64]) -> f64 {
     x.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-const TIGHT: KrylovParams = KrylovParams { rel_tol: 1e-12, abs_tol: 0.0, max_iterations: 400, restart: 25 };
+const TIGHT: KrylovParams =
+    KrylovParams { rel_tol: 1e-12, abs_tol: 0.0, max_iterations: 400, restart: 25, patience: usize::MAX };
 
 #[test]
 fn gmres_solves_a_nonsymmetric_system_with_restarts() {
@@ -225,4 +226,31 @@ fn gmres_believes_the_true_residual() {
     let mut x = [0.0];
     let info = gmres.solve(&Bent(0.95 * target), &Identity, &[2.0], &mut x, params).unwrap();
     assert!(info.iterations == 1 && (info.final_residual - 0.95 * target).abs() < 1e-15, "{info:?}");
+}
+
+/// Whatever the basis size, a solve that would take too long ends where that shows, with the
+/// best iterate; one that is in time is not touched.
+#[test]
+fn gmres_gives_up_where_its_pace_is_too_slow() {
+    let a = line(60, 0.0);
+    let (_, b) = problem(&a);
+    let rhs = b.iter().map(|b| b * b).sum::<f64>().sqrt();
+    let mut gmres = Gmres::new(&Comm::solo());
+    for restart in [2, 25] {
+        let mut x = vec![0.0; a.n_local()];
+        let slow = KrylovParams { max_iterations: 10, patience: 3, restart, ..TIGHT };
+        match gmres.solve(&a, &Identity, &b, &mut x, slow) {
+            Err(KrylovError::NotConverged { iterations, residual, .. }) => {
+                assert_eq!(iterations, 3);
+                assert!(residual < rhs && x.iter().any(|x| *x != 0.0));
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    let mut all = vec![0.0; a.n_local()];
+    let expected = gmres.solve(&a, &Identity, &b, &mut all, KrylovParams { restart: 200, ..TIGHT }).unwrap();
+    let mut x = vec![0.0; a.n_local()];
+    let patient = KrylovParams { patience: 3, restart: 200, ..TIGHT };
+    assert_eq!(gmres.solve(&a, &Identity, &b, &mut x, patient).unwrap(), expected);
+    assert_eq!(x, all);
 }

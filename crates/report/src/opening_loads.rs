@@ -17,6 +17,9 @@ const STILL: &str = "still filling at the end of the stage";
 /// Where the stream is too slow for a force coefficient.
 const STOPPED: &str = "none: the stream falls below a fifth of its speed at line stretch";
 
+/// Where no mean of the force can be taken.
+const LONG: &str = "none: a window is longer than that time";
+
 /// The largest force of the opening, with its factor; `None` where no stage opens the canopy.
 pub(super) fn card(run: &Run) -> Option<Card> {
     let stage = run.stages.iter().find(|s| table(run, s).is_some())?;
@@ -77,10 +80,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ("largest force of the risers, N", digits(o.largest_force_n)),
         ("its time, s", digits(o.largest_force_s)),
         ("the same over q S0", digits(o.largest_force_share)),
-        (
-            "largest mean over a tenth of D0/v, N",
-            given(o.largest_mean_force_n, "none: a window is longer than that time"),
-        ),
+        ("largest mean over a tenth of D0/v, N", given(o.largest_mean_force_n, LONG)),
         ("a tenth of D0/v, s", digits(o.averaging_s)),
         (
             "largest force coefficient, force over q S0 of the same moment",
@@ -88,8 +88,7 @@ pub(super) fn table(run: &Run, stage: &StageData) -> Option<Table> {
         ),
         ("its time, s", given(o.largest_coefficient_s, no_coefficient)),
     ];
-    let vibration = o.vibration();
-    rows.extend(vibration.map(|text| ("warning opening.vibrating-force", text)));
+    rows.extend(o.vibration().map(|text| ("warning opening.vibrating-force", text)));
     let last = run.stages.iter().rev().find(|s| coupled(run.stage(s).kind))?;
     if let Some(area) = drag_area(last.columns.all(), of(last)?.density_kg_m3) {
         let coefficient = area / reference.nominal_area_m2;

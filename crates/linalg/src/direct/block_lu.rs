@@ -10,12 +10,16 @@
 //! $`R = (W,\ -W F_{12})`$ by rows and $`H = F_{21} W`$ by columns, with $`W = F_{11}^{-1}`$:
 //! both sweeps of a solve are then plain products, $`b_2 \leftarrow b_2 - H b_1`$ upwards and
 //! $`x_1 = R\,(b_1; x_2)`$ downwards.
+//!
+//! Of a symmetric matrix $`H = (W F_{12})^T`$ is not kept: the sweep upwards reads the rows of
+//! $`R`$ as columns. Fronts then hold their upper triangle alone, which halves most of the work.
 
 use std::cell::RefCell;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::linalg::lu::partial_pivoting as pivoted;
 use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::pivot;
@@ -40,25 +44,54 @@ pub enum FactorError {
     OtherRank,
 }
 
+/// What a factor is of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// The matrix.
+    Whole,
+    /// Half the sum of the matrix and its transpose.
+    Symmetric,
+}
+
 /// Where the factor of one front lies in the common storage. Rows and columns are filled
 /// up with zeros to whole vector registers.
 struct FrontLocation {
     n1: usize,
     n2: usize,
-    /// `R`, `n1 x (n1 + n2)` by rows.
+    symmetric: bool,
+    /// `R`, `n1 x (n1 + n2)` by rows. Of a symmetric matrix `-W F_12` comes first in a row, and both
+    /// parts of it are filled up.
     r: std::ops::Range<usize>,
-    /// `H`, `n2 x n1` by columns.
+    /// `H`, `n2 x n1` by columns; empty for a symmetric matrix.
     h: std::ops::Range<usize>,
 }
 
 impl FrontLocation {
     /// Length of a row of `R`.
     fn row(&self) -> usize {
-        padded(self.n1 + self.n2)
+        if self.symmetric { padded(self.n2) + padded(self.n1) } else { padded(self.n1 + self.n2) }
+    }
+    /// Where `W` and `-W F_12` begin in a row of `R`.
+    fn parts(&self) -> [usize; 2] {
+        if self.symmetric { [padded(self.n2), 0] } else { [0, self.n1] }
+    }
+    /// What fills up a row of `R`.
+    fn gaps(&self) -> [std::ops::Range<usize>; 2] {
+        let [w, g] = self.parts();
+        if self.symmetric { [self.n2..w, w + self.n1..self.row()] } else { [0..0, g + self.n2..self.row()] }
     }
     /// Length of a column of `H`.
     fn column(&self) -> usize {
         padded(self.n2)
+    }
+    /// Numbers in `H`.
+    fn h_len(&self) -> usize {
+        if self.symmetric { 0 } else { self.n1 * self.column() }
+    }
+    /// Multiplications, see [`BlockLu::flops`].
+    fn flops(&self) -> usize {
+        let update = self.n2 * self.n2 / if self.symmetric { 2 } else { 1 };
+        self.n1 * (self.n1 * self.n1 / 3 + self.n1 * self.n2 + update)
     }
 }
 
@@ -96,7 +129,7 @@ impl<T: Real> Work<T> {
         for (part, n) in [
             (&mut self.f11, n1 * n1),
             (&mut self.f12, n1 * n2),
-            (&mut self.f21, n1 * n2),
+            (&mut self.f21, if place.symmetric { 0 } else { n1 * n2 }),
             (&mut update, n2 * n2),
         ] {
             part.resize(n.max(part.len()), T::default());
@@ -123,6 +156,28 @@ impl<T: Real> Work<T> {
         matmul(f21_w.as_mut(), Accum::Replace, f21, w.as_ref(), one, Par::Seq);
         matmul(f22, Accum::Add, f21_w.as_ref(), f12, minus, Par::Seq);
         flush(h);
+        flush_finite(r)
+    }
+
+    /// As [`Work::eliminate`] for a symmetric matrix, of which the front and `update` are the upper triangle.
+    fn eliminate_symmetric(&mut self, place: &FrontLocation, r: &mut [T], update: &mut [T]) -> bool {
+        let (n1, n2, row) = (place.n1, place.n2, place.row());
+        for c in 1..n1 {
+            for i in 0..c {
+                self.f11[i * n1 + c] = self.f11[c * n1 + i];
+            }
+        }
+        let by_rows = MatMut::from_column_major_slice_with_stride_mut(&mut *r, row, n1, row);
+        let (minus_g, w) = by_rows.transpose_mut().split_at_col_mut(place.parts()[0]);
+        let (mut minus_g, mut w) = (minus_g.subcols_mut(0, n2), w.subcols_mut(0, n1));
+        self.invert_pivots(n1, w.as_mut());
+        let f12 = MatRef::from_column_major_slice(&self.f12[..n1 * n2], n1, n2);
+        let f22 = MatMut::from_column_major_slice_mut(&mut update[..n2 * n2], n2, n2);
+        let (one, minus) = (T::from_f64(1.0), T::from_f64(-1.0));
+        matmul(minus_g.as_mut(), Accum::Replace, w.as_ref(), f12, minus, Par::Seq);
+        let (upper, all) = (BlockStructure::TriangularUpper, BlockStructure::Rectangular);
+        let (g, f21) = (minus_g.as_ref(), f12.transpose());
+        triangular::matmul(f22, upper, Accum::Add, f21, all, g, all, one, Par::Seq);
         flush_finite(r)
     }
 
@@ -155,13 +210,13 @@ struct Scratch<T> {
 impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Plans the factorisation of matrices with this pattern (`row_ptr`, `cols`).
     pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
-        Self::of_plan(Symbolic::new(row_ptr, cols))
+        Self::of_plan(Symbolic::new(row_ptr, cols), Part::Whole)
     }
 
     /// Plans the factorisation of the square part in `rows` of matrices with this pattern,
     /// whose whole values [`BlockLu::factor_scaled`] takes. Columns beyond the rows of the
     /// pattern are left out.
-    pub fn of_rows(row_ptr: &[usize], cols: &[u32], rows: &[u32]) -> Self {
+    pub fn of_rows(row_ptr: &[usize], cols: &[u32], rows: &[u32], part: Part) -> Self {
         let mut index = vec![u32::MAX; row_ptr.len() - 1];
         rows.iter().enumerate().for_each(|(k, &i)| index[i as usize] = k as u32);
         let (mut part_ptr, mut part_cols, mut slots) = (vec![0], Vec::new(), Vec::new());
@@ -174,23 +229,24 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             }
             part_ptr.push(part_cols.len());
         }
-        let mut this = Self::new(&part_ptr, &part_cols);
-        for entry in this.plan.fronts.iter_mut().flat_map(|f| &mut f.entries) {
+        let mut plan = Symbolic::new(&part_ptr, &part_cols);
+        for entry in plan.fronts.iter_mut().flat_map(|f| &mut f.entries) {
             entry[0] = slots[entry[0] as usize];
         }
-        this
+        Self::of_plan(plan, part)
     }
 
     /// Lays out the factor and its work space.
-    fn of_plan(plan: Symbolic) -> Self {
-        let mut places: Vec<FrontLocation> = plan
-            .fronts
-            .iter()
-            .map(|f| FrontLocation { n1: f.n_pivot * B, n2: f.pattern.len() * B, r: 0..0, h: 0..0 })
-            .collect();
-        let (h, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.column()).sum());
+    fn of_plan(plan: Symbolic, part: Part) -> Self {
+        let symmetric = part == Part::Symmetric;
+        let place = |f: &Front| {
+            let (n1, n2) = (f.n_pivot * B, f.pattern.len() * B);
+            FrontLocation { n1, n2, symmetric, r: 0..0, h: 0..0 }
+        };
+        let mut places: Vec<FrontLocation> = plan.fronts.iter().map(place).collect();
+        let (h, mut at) = whole_lines(places.iter().map(FrontLocation::h_len).sum());
         for p in &mut places {
-            p.h = at..at + p.n1 * p.column();
+            p.h = at..at + p.h_len();
             at = p.h.end;
         }
         let (r, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.row()).sum());
@@ -221,15 +277,15 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         Self { plan, places, r, h, work, scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
-    /// Bytes of the factor, all read once by a solve.
+    /// Bytes of the factor that a solve reads, those that it reads twice counted twice.
     pub fn bytes(&self) -> usize {
-        (self.r.len() + self.h.len()) * size_of::<T>()
+        let again = |p: &FrontLocation| if p.symmetric { p.n1 * p.column() } else { 0 };
+        (self.r.len() + self.h.len() + self.places.iter().map(again).sum::<usize>()) * size_of::<T>()
     }
 
     /// Multiplications (each with an addition) of a factorisation that stores no inverse.
     pub fn flops(&self) -> u64 {
-        let of = |p: &FrontLocation| p.n1 * (p.n1 * p.n1 / 3 + p.n1 * p.n2 + p.n2 * p.n2);
-        self.places.iter().map(|p| of(p) as u64).sum()
+        self.places.iter().map(|p| p.flops() as u64).sum()
     }
 
     /// Factorises the matrix whose blocks, in the order of the pattern, are `values`.
@@ -257,15 +313,29 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 f21: &mut work.f21,
                 f22: &mut update,
             };
-            parts.assemble(front, values, self.scale);
+            if place.symmetric {
+                parts.assemble_symmetric(front, values, self.scale);
+            } else {
+                parts.assemble(front, values, self.scale);
+            }
             for &child in &front.children {
                 let below = &self.plan.fronts[child as usize];
                 let from = std::mem::take(&mut work.updates[child as usize]);
-                parts.extend_add::<B>(&below.to_parent, below.pattern.len(), &from);
+                let n = below.pattern.len() * B;
+                if place.symmetric {
+                    parts.extend_add::<B, true>(&below.to_parent, n, &from);
+                } else {
+                    parts.extend_add::<B, false>(&below.to_parent, n, &from);
+                }
                 work.pool.push(from);
             }
             let (r, h) = (&mut self.r[place.r.clone()], &mut self.h[place.h.clone()]);
-            if !work.eliminate(place, r, h, &mut update) {
+            let good = if place.symmetric {
+                work.eliminate_symmetric(place, r, &mut update)
+            } else {
+                work.eliminate(place, r, h, &mut update)
+            };
+            if !good {
                 return Err(FactorError::Singular { row: self.plan.order[front.start] as usize });
             }
             work.updates[s] = update;
@@ -293,7 +363,13 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             flush(&mut y[first..first + n1]);
             b1.copy_from_slice(&y[first..first + n1]);
             sum.fill(T::default());
-            add_columns(&self.h[place.h.clone()], b1, sum);
+            if place.symmetric {
+                // The rows are those of `-H^T`.
+                b1.iter_mut().for_each(|b| *b = -*b);
+                add_columns(&self.r[place.r.clone()], place.row(), b1, sum);
+            } else {
+                add_columns(&self.h[place.h.clone()], place.column(), b1, sum);
+            }
             let blocks = y.as_chunks_mut::<B>().0;
             for (s, &i) in sum[..n2].as_chunks::<B>().0.iter().zip(&front.pattern) {
                 let block = &mut blocks[i as usize];
@@ -306,13 +382,14 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             let (n1, n2) = (place.n1, place.n2);
             let gathered = &mut gathered[..place.row()];
             let first = front.start * B;
-            gathered[..n1].copy_from_slice(&y[first..first + n1]);
+            let [w, g] = place.parts();
+            gathered[w..w + n1].copy_from_slice(&y[first..first + n1]);
             let blocks = y.as_chunks::<B>().0;
-            let rest = gathered[n1..n1 + n2].as_chunks_mut::<B>().0;
+            let rest = gathered[g..g + n2].as_chunks_mut::<B>().0;
             for (g, &i) in rest.iter_mut().zip(&front.pattern) {
                 *g = blocks[i as usize];
             }
-            gathered[n1 + n2..].fill(T::default());
+            place.gaps().into_iter().for_each(|gap| gathered[gap].fill(T::default()));
             let solution = &mut y[first..first + n1];
             rows_dot(&self.r[place.r.clone()], gathered, solution);
             flush(solution);
@@ -372,16 +449,37 @@ impl<T: Real> Parts<'_, T> {
         }
     }
 
-    /// Adds a child's update of `n` block rows; `runs` are their targets.
-    fn extend_add<const B: usize>(&mut self, runs: &[Run], n: usize, update: &[T]) {
-        let n = n * B;
+    /// As [`Parts::assemble`], the upper triangle of the symmetric part.
+    fn assemble_symmetric<const B: usize>(&mut self, front: &Front, values: &[[[f64; B]; B]], scale: f64) {
+        let half = 0.5 * scale;
+        for &[slot, row, col] in &front.entries {
+            let a = &values[slot as usize];
+            let (i, j) = (row as usize * B, col as usize * B);
+            for c in 0..B {
+                if row <= col {
+                    let (top, _) = self.column(j + c);
+                    (0..B).for_each(|r| top[i + r] += T::from_f64(a[r][c] * half));
+                }
+                if row >= col {
+                    let (top, _) = self.column(i + c);
+                    (0..B).for_each(|r| top[j + r] += T::from_f64(a[c][r] * half));
+                }
+            }
+        }
+    }
+
+    /// Adds a child's update of `n` rows, or its `UPPER` triangle; `runs` are the targets of its block rows.
+    fn extend_add<const B: usize, const UPPER: bool>(&mut self, runs: &[Run], n: usize, update: &[T]) {
         let n1 = self.n1;
-        for columns in runs {
+        for (last, columns) in runs.iter().enumerate() {
+            let rows_of = if UPPER { &runs[..=last] } else { runs };
             for k in 0..columns.len * B {
-                let from = &update[(columns.from * B + k) * n..][..n];
+                let column = columns.from * B + k;
+                let from = &update[column * n..][..if UPPER { column + 1 } else { n }];
                 let (top, bottom) = self.column(columns.to * B + k);
-                for rows in runs {
-                    let from = &from[rows.from * B..][..rows.len * B];
+                for rows in rows_of {
+                    let from = &from[rows.from * B..];
+                    let from = &from[..from.len().min(rows.len * B)];
                     let at = rows.to * B;
                     let to = if at < n1 { &mut top[at..] } else { &mut bottom[at - n1..] };
                     for (to, u) in to[..from.len()].iter_mut().zip(from) {
@@ -443,15 +541,36 @@ mod tests {
         y
     }
 
-    fn error<T: Real>(n: usize, edges: &[(usize, usize)]) -> f64 {
-        let (row_ptr, cols, values) = matrix(n, edges);
-        let mut lu = BlockLu::<3, T>::new(&row_ptr, &cols);
+    /// The symmetric part of [`matrix`], whose pattern is symmetric.
+    fn symmetric(row_ptr: &[usize], cols: &[u32], values: &[[[f64; 3]; 3]]) -> Vec<[[f64; 3]; 3]> {
+        let mut part = values.to_vec();
+        for i in 0..row_ptr.len() - 1 {
+            for s in row_ptr[i]..row_ptr[i + 1] {
+                let j = cols[s] as usize;
+                let row = &cols[row_ptr[j]..row_ptr[j + 1]];
+                let t = row_ptr[j] + row.binary_search(&(i as u32)).unwrap();
+                part[s] = std::array::from_fn(|r| {
+                    std::array::from_fn(|c| 0.5 * (values[s][r][c] + values[t][c][r]))
+                });
+            }
+        }
+        part
+    }
+
+    fn error<T: Real>(n: usize, edges: &[(usize, usize)], part: Part) -> f64 {
+        let (row_ptr, cols, mut values) = matrix(n, edges);
+        let rows: Vec<u32> = (0..n as u32).collect();
+        let mut lu = BlockLu::<3, T>::of_rows(&row_ptr, &cols, &rows, part);
+        let given = values.clone();
+        if part == Part::Symmetric {
+            values = symmetric(&row_ptr, &cols, &values);
+        }
         let exact: Vec<f64> = (0..3 * n).map(|i| (i as f64 * 0.7).cos()).collect();
         let b = multiply(&row_ptr, &cols, &values, &exact);
         let mut worst = 0.0f64;
         // The second factorisation reuses the storage of the first.
         for _ in 0..2 {
-            lu.factor(&values).unwrap();
+            lu.factor(&given).unwrap();
             let mut x = b.clone();
             lu.solve(&mut x);
             worst = x.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
@@ -463,8 +582,14 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(40))]
         #[test]
         fn solves_random_systems(n in 1usize..60, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
-            prop_assert!(error::<f64>(n, &edges) < 1e-10);
-            prop_assert!(error::<f32>(n, &edges) < 1e-3);
+            prop_assert!(error::<f64>(n, &edges, Part::Whole) < 1e-10);
+            prop_assert!(error::<f32>(n, &edges, Part::Whole) < 1e-3);
+        }
+
+        #[test]
+        fn solves_with_the_symmetric_part(n in 1usize..60, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
+            prop_assert!(error::<f64>(n, &edges, Part::Symmetric) < 1e-10);
+            prop_assert!(error::<f32>(n, &edges, Part::Symmetric) < 1e-3);
         }
     }
 

@@ -5,6 +5,6 @@ mod pivot;
 mod sweep;
 mod symbolic;
 
-pub(crate) use block_lu::BlockLu;
 pub use block_lu::FactorError;
+pub(crate) use block_lu::{BlockLu, Part};
 pub(crate) use sweep::largest;

@@ -41,20 +41,21 @@ pub(crate) fn largest(x: &[f64]) -> f64 {
     most.iter().chain(rest).fold(0.0, |m, v| m.max(v.abs()))
 }
 
-/// `y += M x` with `M` by columns, four columns at a time.
-pub(super) fn add_columns<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
+/// `y += M x` with `M` by columns that begin every `stride` numbers, four columns at a time.
+pub(super) fn add_columns<T: Real>(m: &[T], stride: usize, x: &[T], y: &mut [T]) {
     let y = y.as_chunks_mut::<LANES>().0;
     let n = y.len();
     if n == 0 {
         return;
     }
-    let mut columns = m.as_chunks::<LANES>().0.chunks_exact(4 * n);
+    let stride = stride / LANES;
+    let mut columns = m.as_chunks::<LANES>().0.chunks_exact(4 * stride);
     let (quads, rest) = x.as_chunks::<4>();
     for (four, q) in columns.by_ref().zip(quads) {
-        let (a, four) = four.split_at(n);
-        let (b, four) = four.split_at(n);
-        let (c, d) = four.split_at(n);
-        let d = &d[..n];
+        let (a, four) = four.split_at(stride);
+        let (b, four) = four.split_at(stride);
+        let (c, d) = four.split_at(stride);
+        let [a, b, c, d] = [a, b, c, d].map(|column| &column[..n]);
         for i in 0..n {
             for l in 0..LANES {
                 let sum = c[i][l].fused(q[2], d[i][l].fused(q[3], y[i][l]));
@@ -62,7 +63,7 @@ pub(super) fn add_columns<T: Real>(m: &[T], x: &[T], y: &mut [T]) {
             }
         }
     }
-    for (column, &q) in columns.remainder().chunks_exact(n).zip(rest) {
+    for (column, &q) in columns.remainder().chunks_exact(stride).zip(rest) {
         for (y, a) in y.iter_mut().zip(column) {
             for l in 0..LANES {
                 y[l] = a[l].fused(q, y[l]);

@@ -51,6 +51,25 @@ pub struct Gmres {
     history: Vec<f64>,
 }
 
+/// What a solve is to reach, and when it ends without that.
+struct Aim {
+    /// Residual norms: wanted, and of the initial guess.
+    target: f64,
+    initial: f64,
+    /// See [`KrylovParams`].
+    most: usize,
+    patience: usize,
+}
+
+impl Aim {
+    /// Whether at the pace so far `most` iterations would not be enough.
+    fn is_out_of_reach(&self, iterations: usize, residual: f64) -> bool {
+        iterations >= self.patience
+            && iterations as f64 * (self.target / self.initial).ln()
+                < self.most as f64 * (residual / self.initial).ln()
+    }
+}
+
 impl Gmres {
     /// A solver for vectors distributed over `comm`.
     pub fn new(comm: &Comm) -> Self {
@@ -99,6 +118,8 @@ impl Gmres {
         }
         let mut info = KrylovInfo { iterations: 0, initial_residual: norm, final_residual: norm, rhs_norm };
         self.history.push(norm);
+        let KrylovParams { max_iterations: most, patience, .. } = params;
+        let aim = Aim { target, initial: norm, most, patience };
         loop {
             if !norm.is_finite() || !rhs_norm.is_finite() {
                 return Err(self.not_finite("the residual", info.iterations));
@@ -107,16 +128,13 @@ impl Gmres {
             if norm <= target {
                 return Ok(info);
             }
-            if info.iterations >= params.max_iterations {
-                return Err(KrylovError::NotConverged {
-                    iterations: info.iterations,
-                    residual: norm,
-                    target,
-                    history: History(self.history.clone()),
-                });
+            if info.iterations >= most || aim.is_out_of_reach(info.iterations, norm) {
+                let (iterations, residual) = (info.iterations, norm);
+                let history = History(self.history.clone());
+                return Err(KrylovError::NotConverged { iterations, residual, target, history });
             }
-            let budget = params.restart.max(1).min(params.max_iterations - info.iterations);
-            let (k, estimate) = self.cycle(op, pre, norm, target, budget, info.iterations)?;
+            let budget = params.restart.max(1).min(most - info.iterations);
+            let (k, estimate) = self.cycle(op, pre, norm, &aim, budget, info.iterations)?;
             self.correct(k, x);
             info.iterations += k;
             let before = norm;
@@ -143,14 +161,14 @@ impl Gmres {
         self.comm.sum(dot(r, r)).sqrt()
     }
 
-    /// Builds a basis from `v[0]` until the residual meets `target` or the basis has
-    /// `m` vectors. Returns the basis size and the residual norm it promises.
+    /// Builds a basis from `v[0]` until the residual meets its target or that is out of reach, or the
+    /// basis has `m` vectors. Returns the basis size and the residual norm it promises.
     fn cycle(
         &mut self,
         op: &dyn Operator,
         pre: &dyn Preconditioner,
         norm: f64,
-        target: f64,
+        aim: &Aim,
         m: usize,
         done: usize,
     ) -> Result<(usize, f64), KrylovError> {
@@ -174,7 +192,10 @@ impl Gmres {
             let residual = self.rotate(k, next);
             self.history.push(residual);
             // A zero `next` means that the basis holds the exact solution.
-            if residual <= target || next <= f64::EPSILON * self.h[k][k].abs() {
+            if residual <= aim.target
+                || next <= f64::EPSILON * self.h[k][k].abs()
+                || aim.is_out_of_reach(done + k + 1, residual)
+            {
                 return Ok((k + 1, residual));
             }
         }

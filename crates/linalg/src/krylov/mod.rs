@@ -19,11 +19,14 @@ pub struct KrylovParams {
     pub max_iterations: usize,
     /// Basis size of GMRES before it restarts (CG does not read it).
     pub restart: usize,
+    /// Iterations after which GMRES gives up where at its mean pace so far `max_iterations`
+    /// would not be enough (CG does not read it).
+    pub patience: usize,
 }
 
 impl Default for KrylovParams {
     fn default() -> Self {
-        Self { rel_tol: 1e-8, abs_tol: 1e-300, max_iterations: 500, restart: 30 }
+        Self { rel_tol: 1e-8, abs_tol: 1e-300, max_iterations: 500, restart: 30, patience: usize::MAX }
     }
 }
 
