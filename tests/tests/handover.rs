@@ -17,6 +17,8 @@ fn both_methods(folder: &Path) -> PathBuf {
     let changes = [
         ("[flow.solver]\n", "[flow]\nwind_m_s = [0.0, 0.0, -1.0]\n\n[flow.solver]\n"),
         ("initial_speed_m_s = 4.0", "initial_speed_m_s = 5.0"),
+        // Slack fabric that still moves at the start depends on the last digits of the structure.
+        ("mass_damping_per_s = 10.0", "mass_damping_per_s = 100.0"),
         // At 5e-3 the last iterates of one and two ranks differ by 2e-3 of the drag. Without the average, which fitted grids have by default, slack fabric makes
         // 2e-2 of any difference in ten windows.
         ("tolerance = 5e-3", "tolerance = 5e-4\nvelocity_average = 0.5"),
@@ -48,7 +50,7 @@ fn flow_method_changes_between_stages() {
         println!("{stage}: drag {:.1?} N", history.column("drag_n"));
         println!("{stage}: iterations {:?}", history.column("coupling_iterations"));
     }
-    // Measured: 0.19 and 0.35.
+    // Measured: 0.20 and 0.37, the same to all three digits with two programs of the structure.
     for (pair, bound) in histories.windows(2).zip([0.22, 0.39]) {
         let [before, after] = [&pair[0], &pair[1]];
         let last = |name: &str| *before.column(name).last().expect("rows");

@@ -10,6 +10,7 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::rc::Rc;
 
 use nalgebra::Vector3;
 
@@ -57,10 +58,10 @@ pub struct Crossing {
 pub struct CutFaces {
     /// Constraints.
     pub rows: FluxConstraints,
-    /// Crossings, those of a face one after the other.
-    crossings: Vec<Crossing>,
+    /// Crossings, those of a face one after the other. Copies of a cut share what does not change.
+    crossings: Rc<[Crossing]>,
     /// Of each row's entries: the crossings of its face.
-    of_entry: Vec<std::ops::Range<usize>>,
+    of_entry: Rc<[std::ops::Range<usize>]>,
     /// Area of a face, m2.
     area: f64,
 }
@@ -208,7 +209,12 @@ impl CutFaces {
         let mut crossings = Rasteriser::new(grid, positions, faces)?.of_cells();
         let key = |c: &Crossing| (grid.at(c.cell.map(|i| i as isize)), c.axis, c.triangle);
         crossings.sort_by_key(key);
-        let mut cut = Self { rows: FluxConstraints::new(grid), crossings, of_entry: Vec::new(), area: h * h };
+        let mut cut = Self {
+            rows: FluxConstraints::new(grid),
+            crossings: crossings.into(),
+            of_entry: Rc::default(),
+            area: h * h,
+        };
         cut.assemble(grid, permeability);
         Ok(cut)
     }
@@ -263,7 +269,7 @@ impl CutFaces {
         for row in pockets::unresolved(grid, &rows) {
             rows.leak[row] = POCKET_LEAK;
         }
-        (self.rows, self.of_entry) = (rows, of_entry);
+        (self.rows, self.of_entry) = (rows, of_entry.into());
     }
 
     /// Sets the velocities of the nodes, m/s.

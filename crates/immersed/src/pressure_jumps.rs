@@ -26,16 +26,31 @@ pub struct SolveHistory {
     /// The last solution, and its product with the matrix.
     jump: Vec<f64>,
     product: Vec<f64>,
+    /// It keeps no directions.
+    last_alone: bool,
 }
 
 impl SolveHistory {
+    /// A history of the last solution alone, for constraints that are solved for one motion: directions take many times its memory.
+    pub fn of_last_solution() -> Self {
+        Self { last_alone: true, ..Self::default() }
+    }
+
+    /// Numbers that it holds.
+    pub fn numbers(&self) -> usize {
+        [&self.directions, &self.products, &self.curvatures, &self.jump, &self.product]
+            .map(Vec::len)
+            .iter()
+            .sum()
+    }
+
     /// Whether it has no solution yet.
     pub fn is_empty(&self) -> bool {
         self.jump.is_empty()
     }
 
     fn push(&mut self, direction: &[f64], product: &[f64], curvature: f64) {
-        if self.curvatures.len() < MAX_DIRECTIONS && curvature > 0.0 {
+        if !self.last_alone && self.curvatures.len() < MAX_DIRECTIONS && curvature > 0.0 {
             self.directions.extend_from_slice(direction);
             self.products.extend_from_slice(product);
             self.curvatures.push(curvature);

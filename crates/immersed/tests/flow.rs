@@ -334,6 +334,34 @@ fn earlier_solutions_shorten_the_next_ones() {
     assert!(10 * later < 7 * alone && with[3] == 0, "{with:?} {without:?}");
 }
 
+/// A history of the last solution alone has two numbers a row; the same motion needs no iteration, another one those of a solution without history.
+#[test]
+fn a_history_of_the_last_solution_holds_two_numbers_a_row() {
+    let (nodes, faces) = shapes::sphere(0.45, 2);
+    let even = || Axis::even(-1.0, 1.0, 24);
+    let grid = Grid::new([even(), even(), even()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]);
+    let mut flow = Flow::new(grid, settings(Vector3::z(), 0.5, 0.0));
+    let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
+    flow.predict(0.02, Vector3::zeros());
+    let fluxes = flow.predicted_fluxes(&cut.rows);
+    let mut histories = [SolveHistory::of_last_solution(), SolveHistory::default()];
+    let mut iterations = histories.each_ref().map(|_| Vec::new());
+    for motion in [0.0, 0.0, 0.3] {
+        cut.rows.target.fill(1e-3 * motion);
+        for (history, iterations) in histories.iter_mut().zip(&mut iterations) {
+            flow.start_from(Vec::new());
+            let found = flow.solve_constraints_from(&cut.rows, &fluxes, Some(history));
+            assert!(found.residual < 1e-10, "{}", found.residual);
+            iterations.push(found.iterations);
+        }
+    }
+    let [alone, all] = &iterations;
+    assert!(alone[0] == all[0] && alone[0] > 5 && alone[1] == 0 && alone[2] > all[2], "{iterations:?}");
+    let rows = cut.rows.len();
+    assert_eq!(histories[0].numbers(), 2 * rows);
+    assert!(histories[1].numbers() > 10 * rows);
+}
+
 /// Iterations of the first solution around an airtight square plate on `cells` across, in a stream that starts at once.
 fn iterations_around_a_plate(cells: usize) -> usize {
     let axis = || Axis::even(-1.0, 1.0, 2 * cells);

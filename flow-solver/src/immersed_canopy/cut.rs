@@ -1,5 +1,7 @@
 //! Where the canopy cuts the grid.
 
+use std::rc::Rc;
+
 use immersed::cut_faces::{CutFaces, OutsideCore};
 use immersed::face_transfer::FaceTransfer;
 use immersed::flow::Flow;
@@ -8,17 +10,17 @@ use nalgebra::Vector3;
 use super::canopy::CanopySurface;
 use crate::face_permeability::FacePermeability;
 
-/// Where the canopy cuts the grid at the end of a step, and how faces and constraints are connected there.
+/// Where the canopy cuts the grid at the end of a step, and how faces and constraints are connected there. Copies share what steps do not change.
 #[derive(Clone, Debug, Default)]
 pub struct Cut {
     /// Cut faces with their constraints.
     pub faces: CutFaces,
     /// Connection with the faces of the canopy.
-    pub transfer: FaceTransfer,
+    pub transfer: Rc<FaceTransfer>,
     /// Area of the cloth of each row, m2.
-    areas: Vec<f64>,
+    areas: Rc<[f64]>,
     /// Vertices of the surface, m.
-    vertices: Vec<Vector3<f64>>,
+    vertices: Rc<[Vector3<f64>]>,
 }
 
 impl Cut {
@@ -31,7 +33,8 @@ impl Cut {
         let (grid, ranks) = (&flow.grid, &**flow.slabs().ranks());
         let faces = CutFaces::new(grid, vertices, triangles, 1.0)?;
         let transfer = FaceTransfer::new(grid, vertices, triangles, face_of, &faces, ranks)?;
-        Ok(Self { areas: faces.rows.permeability.clone(), vertices: vertices.to_vec(), faces, transfer })
+        let areas = faces.rows.permeability.as_slice().into();
+        Ok(Self { areas, vertices: vertices.into(), transfer: Rc::new(transfer), faces })
     }
 
     /// That of the `last` step where the surface has not moved in the grid since, else a new one.
@@ -41,7 +44,7 @@ impl Cut {
         surface: &CanopySurface,
         vertices: &[Vector3<f64>],
     ) -> Result<Self, OutsideCore> {
-        match last.filter(|last| last.vertices == vertices) {
+        match last.filter(|last| *last.vertices == *vertices) {
             Some(last) => Ok(last.clone()),
             None => Self::new(flow, surface, vertices),
         }
@@ -81,7 +84,12 @@ mod tests {
         let transfer =
             FaceTransfer::new(&grid, &vertices, &triangles, &face_of, &faces, &Alone).expect("inside");
         let areas = faces.rows.permeability.clone();
-        let mut cut = Cut { areas: areas.clone(), vertices: vertices.to_vec(), faces, transfer };
+        let mut cut = Cut {
+            areas: areas.as_slice().into(),
+            vertices: vertices.as_slice().into(),
+            transfer: Rc::new(transfer),
+            faces,
+        };
         let cloth = FacePermeability::by_face(vec![None, Some(Permeability::new(100.0, 50.0))]);
         let jumps = vec![-30.0; areas.len()];
         cut.set_cloth(&cloth, &face_of, &jumps, 1.0);

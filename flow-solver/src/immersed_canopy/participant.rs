@@ -454,6 +454,9 @@ impl ImmersedParticipant {
         };
         let mut open = OpenWindow::new(&mut self.flow, &self.surface, &start, at, motion, self.last.as_ref())
             .map_err(wrong)?;
+        if !self.moving {
+            open.solve_once();
+        }
         let jumps = match &self.last {
             Some((last, _)) => open.cuts[0].faces.transfer(&last.faces, &self.last_jumps),
             None => Vec::new(),

@@ -240,6 +240,11 @@ impl OpenWindow {
         })
     }
 
+    /// Prepares for a single solution of the window: of a canopy that does not answer.
+    pub fn solve_once(&mut self) {
+        self.histories.fill_with(SolveHistory::of_last_solution);
+    }
+
     /// Sets what passes through the cloth at the pressure jumps of the last window ([`Cut::set_cloth`]).
     pub fn set_cloth(&mut self, cloth: &FacePermeability, jumps: &[f64], floor: f64) {
         for step in 0..self.cuts.len() {
