@@ -34,8 +34,7 @@ use super::vortex_lattice::{Air, VortexLattice};
 use crate::error::RunError;
 use crate::geometry::{Vec3, at, direction, distinct, quad_area_vector};
 use crate::schemes::codec::{pack, unpack};
-use crate::schemes::least_squares::{NormalEquations, axpy, norm};
-use crate::schemes::recent_columns::{self, RecentColumn};
+use crate::schemes::least_squares::{Columns, axpy, norm};
 use crate::schemes::unknowns::Unknowns;
 
 /// Largest number of secants.
@@ -82,22 +81,6 @@ struct Secant {
     change: Vec<f64>,
     /// Smallest fraction of the step orthogonal to newer secants.
     filter: f64,
-    #[serde(skip)]
-    products: Vec<f64>,
-}
-
-impl RecentColumn for Secant {
-    fn values(&self) -> &[f64] {
-        &self.step
-    }
-
-    fn products(&self) -> &[f64] {
-        &self.products
-    }
-
-    fn products_mut(&mut self) -> &mut Vec<f64> {
-        &mut self.products
-    }
 }
 
 /// A saved surrogate: kinematics, length of the last window, secants, configuration of the lattice, displacement at the
@@ -142,8 +125,7 @@ pub struct AddedMassSurrogate {
     /// Length of the last window, s; 0 before it.
     dt: f64,
     secants: VecDeque<Secant>,
-    /// Of the steps of the secants.
-    factors: NormalEquations,
+    columns: Columns,
     closed: ClosedVolume,
 }
 
@@ -186,7 +168,7 @@ impl AddedMassSurrogate {
             kinematics,
             dt: 0.0,
             secants: VecDeque::new(),
-            factors: NormalEquations::default(),
+            columns: Columns::default(),
             closed: ClosedVolume::default(),
         })
     }
@@ -383,9 +365,9 @@ impl AddedMassSurrogate {
         }
         let signal = if steep { changed } else { length };
         let filter = FILTER.max(NOISE * load / signal);
-        self.secants.push_front(Secant { step, change, filter, products: Vec::new() });
-        recent_columns::truncate(&mut self.secants, MAX_SECANTS);
-        self.factorise();
+        self.secants.push_front(Secant { step, change, filter });
+        self.secants.truncate(MAX_SECANTS);
+        self.refactor();
         finding == Finding::Closed
     }
 
@@ -439,8 +421,7 @@ impl AddedMassSurrogate {
     /// Adds to `response` the change of the defect that the secants predict for a `step` of the added-mass load.
     pub fn apply_correction(&self, step: &[f64], response: &mut [f64]) {
         let mut rest = step.to_vec();
-        let coefficients = recent_columns::remove_span(&self.secants, &self.factors, &mut rest);
-        for (c, secant) in coefficients.iter().zip(&self.secants) {
+        for (c, secant) in self.columns.remove(&mut rest).iter().zip(&self.secants) {
             axpy(-c, &secant.change, response);
         }
     }
@@ -448,7 +429,7 @@ impl AddedMassSurrogate {
     /// Drops all secants.
     pub fn reset(&mut self) {
         self.secants.clear();
-        self.factors = NormalEquations::default();
+        self.columns = Columns::default();
     }
 
     /// Number of secants.
@@ -490,12 +471,14 @@ impl AddedMassSurrogate {
         }
         (self.kinematics, self.dt, self.secants) = (kinematics, dt, secants);
         // The saved secants pass the filter again and give the same factors.
-        self.factorise();
+        self.refactor();
         Ok(updates)
     }
 
-    fn factorise(&mut self) {
-        self.factors = recent_columns::factorise(&mut self.secants, |secant| secant.filter);
+    fn refactor(&mut self) {
+        self.columns = Columns::default();
+        let columns = &mut self.columns;
+        self.secants.retain(|secant| columns.push(&secant.step, secant.filter));
     }
 }
 
