@@ -12,7 +12,6 @@ pub(crate) mod acceleration;
 pub(crate) mod build;
 pub(crate) mod codec;
 pub(crate) mod least_squares;
-pub(crate) mod recent_columns;
 pub(crate) mod sequences;
 pub(crate) mod surrogate;
 pub(crate) mod unknowns;

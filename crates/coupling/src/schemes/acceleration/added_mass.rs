@@ -1,10 +1,12 @@
 //! Relaxation by the added mass of potential flow.
 
+use faer::Mat;
+use faer::prelude::Solve;
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
-use crate::schemes::surrogate::inverse::Inverse;
+use crate::schemes::surrogate::inverse::{Inverse, factors};
 use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::panel_groups::PanelGroups;
 use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
@@ -101,19 +103,20 @@ impl AddedMassRelaxation {
         if faces.is_empty() || masses.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let VortexLattice { positions, areas, normals, groups, influence, .. } = lattice;
+        let VortexLattice { positions, areas, normals, groups, influence, factors: of_influence, .. } =
+            lattice;
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
         let gain = masses.difference.powi(2) * masses.response * masses.air.density / masses.fabric_kg_m2;
-        let inverse = influence.shifted_inverse(gain)?;
+        let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
         let mut node_faces = vec![0.0; positions.len()];
         faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
         // Force of the air per acceleration of the faces along their normals, in each axis.
-        let mut outwards = [0, 1, 2].map(|_| DVector::zeros(n));
+        let mut outwards = Mat::<f64>::zeros(n, 3);
         for (area, &g) in areas.iter().zip(&groups.of) {
-            (0..3).for_each(|i| outwards[i][g as usize] += masses.air.density * area[i]);
+            (0..3).for_each(|i| outwards[(g as usize, i)] += masses.air.density * area[i]);
         }
-        let forces: Option<Vec<_>> = outwards.iter().map(|b| influence.solve_transpose(b)).collect();
+        let forces = of_influence.solve_transpose(outwards);
         let means = |i: usize| groups.means(&normals.iter().map(|normal| normal[i]).collect::<Vec<_>>());
         let group_normals = DMatrix::from_columns(&[0, 1, 2].map(|i| DVector::from_vec(means(i))));
         let relaxed = |i: usize| {
@@ -136,7 +139,7 @@ impl AddedMassRelaxation {
             short_wave_factor,
             relaxed_normals: DMatrix::from_columns(&[0, 1, 2].map(relaxed)),
             group_normals,
-            group_forces: DMatrix::from_columns(&forces?),
+            group_forces: DMatrix::from_fn(n, 3, |i, j| forces[(i, j)]),
             inverse,
             force: DMatrix::zeros(n, 0),
             relaxed: DMatrix::zeros(n, 0),
@@ -364,7 +367,7 @@ mod tests {
         let (mut positions, faces) = plate(12);
         positions.iter_mut().for_each(|x| x[2] = 0.5 * (x[0] - 0.4).powi(2) + 0.6 * x[0] * x[1]);
         let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).unwrap();
-        let influence = lattice.influence.matrix().lu();
+        let influence = lattice.influence.clone().lu();
         let cases = [FrameAxes::None, FrameAxes::Vertical, FrameAxes::All].map(|axes| (axes, 1.5));
         for (axes, a) in cases.into_iter().chain([(FrameAxes::All, 1.0)]) {
             let unknowns = Unknowns::new(positions.len(), 5e-3, axes);

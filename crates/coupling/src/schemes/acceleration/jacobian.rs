@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::quasi_newton_options::QuasiNewtonOptions;
 use super::relaxation::Relaxation;
-use crate::schemes::least_squares::{Columns, axpy};
-use crate::schemes::recent_columns::{self, RecentColumn};
+use crate::schemes::least_squares::{Columns, NormalEquations, axpy, dot};
 
 /// An inverse Jacobian as plain data, determined by its columns.
 pub trait Jacobian: Default + Serialize + DeserializeOwned + 'static {
@@ -50,22 +49,10 @@ struct Column {
     residual: Vec<f64>,
     step: Vec<f64>,
     window: u64,
+    /// Inner products of its residual with itself and with those of all older columns, newest first; fewer after a
+    /// restart.
     #[serde(skip)]
     products: Vec<f64>,
-}
-
-impl RecentColumn for Column {
-    fn values(&self) -> &[f64] {
-        &self.residual
-    }
-
-    fn products(&self) -> &[f64] {
-        &self.products
-    }
-
-    fn products_mut(&mut self) -> &mut Vec<f64> {
-        &mut self.products
-    }
 }
 
 /// All columns at once, newest first (IQN-ILS; Degroote, Bathe, Vierendeels 2009), with columns of past windows
@@ -79,10 +66,52 @@ pub struct LeastSquaresJacobian {
 }
 
 impl LeastSquaresJacobian {
+    /// Computes the inner products that are not known.
+    fn complete_products(&mut self) {
+        for k in 0..self.columns.len() {
+            let known = self.columns[k].products.len();
+            let new: Vec<f64> = (self.columns.range(k + known..))
+                .map(|older| dot(&self.columns[k].residual, &older.residual))
+                .collect();
+            self.columns[k].products.extend(new);
+        }
+    }
+
+    /// Keeps the newest columns.
+    fn truncate(&mut self, count: usize) {
+        self.columns.truncate(count);
+        for (k, column) in self.columns.iter_mut().enumerate() {
+            column.products.truncate(count - k);
+        }
+    }
+
     /// Keeps the columns of a window and later ones.
     fn keep_from(&mut self, window: u64) {
-        let count = self.columns.iter().take_while(|c| c.window >= window).count();
-        recent_columns::truncate(&mut self.columns, count);
+        self.truncate(self.columns.iter().take_while(|c| c.window >= window).count());
+    }
+
+    fn remove(&mut self, index: usize) {
+        self.columns.remove(index);
+        for (k, column) in self.columns.iter_mut().enumerate().take(index) {
+            column.products.remove(index - k);
+        }
+    }
+
+    /// Factors of the normal equations, newest column first; columns that add no new direction are removed.
+    fn factorise(&mut self, filter: f64) -> NormalEquations {
+        self.complete_products();
+        let mut factors = NormalEquations::default();
+        let mut index = 0;
+        while index < self.columns.len() {
+            let products: Vec<f64> =
+                self.columns.range(..=index).enumerate().map(|(k, c)| c.products[index - k]).collect();
+            if factors.push(&products, filter) {
+                index += 1;
+            } else {
+                self.remove(index);
+            }
+        }
+        factors
     }
 }
 
@@ -96,7 +125,7 @@ impl Jacobian for LeastSquaresJacobian {
 
     fn add_column(&mut self, residual: Vec<f64>, step: Vec<f64>, options: &QuasiNewtonOptions) {
         self.columns.push_front(Column { residual, step, window: self.window, products: Vec::new() });
-        recent_columns::truncate(&mut self.columns, options.max_columns);
+        self.truncate(options.max_columns.min(self.columns.len()));
     }
 
     fn apply(
@@ -106,9 +135,19 @@ impl Jacobian for LeastSquaresJacobian {
         options: &QuasiNewtonOptions,
         step: &mut [f64],
     ) {
-        let factors = recent_columns::factorise(&mut self.columns, |_| options.filter);
+        let factors = self.factorise(options.filter);
         let mut left = residual.to_vec();
-        let c = recent_columns::remove_span(&self.columns, &factors, &mut left);
+        let mut c = vec![0.0; self.columns.len()];
+        // The second time removes what the inner products have lost.
+        for _ in 0..2 {
+            let mut part: Vec<f64> =
+                self.columns.iter().map(|column| -dot(&column.residual, &left)).collect();
+            factors.solve(&mut part);
+            for ((c, part), column) in c.iter_mut().zip(&part).zip(&self.columns) {
+                *c += part;
+                axpy(*part, &column.residual, &mut left);
+            }
+        }
         rest.apply(&left, step);
         c.iter().zip(&self.columns).for_each(|(c, column)| axpy(*c, &column.step, step));
     }

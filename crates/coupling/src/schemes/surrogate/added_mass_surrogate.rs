@@ -145,7 +145,7 @@ impl AddedMassSurrogate {
         if faces.is_empty() {
             return None;
         }
-        let inverse = lattice.influence.inverse()?.clone();
+        let inverse = Inverse::of(&lattice.factors)?;
         let moved = displacement.chunks_exact(3);
         let reference = lattice.positions.iter().zip(moved).map(|(x, d)| x - Vec3::from_column_slice(d));
         let at_rest = velocity.repeat(lattice.positions.len());
@@ -226,7 +226,7 @@ impl AddedMassSurrogate {
         let _part = timing::part("added mass assembly");
         let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
         let lattice = VortexLattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
-        self.inverse = lattice.influence.inverse()?.clone();
+        self.inverse = Inverse::of(&lattice.factors)?;
         self.normals.clone_from(&lattice.normals);
         self.assembled_normals.clone_from(&lattice.normals);
         self.areas.clone_from(&lattice.areas);

@@ -2,7 +2,7 @@
 
 pub mod added_mass_surrogate;
 pub mod closed_volume;
-mod influence;
+mod definite;
 pub mod inverse;
 pub mod orientation;
 pub mod panel_groups;

@@ -14,11 +14,12 @@
 
 use std::collections::BTreeMap;
 
-use super::influence::Influence;
+use faer::linalg::solvers::PartialPivLu;
+use nalgebra::{DMatrix, DVector};
+
 use super::panel_groups::PanelGroups;
 use super::vortex_rings::VortexRings;
 use crate::geometry::{Vec3, centre, direction, distinct, quad_area_vector};
-use crate::schemes::least_squares::axpy;
 
 /// A surface in potential flow.
 pub struct VortexLattice {
@@ -34,7 +35,9 @@ pub struct VortexLattice {
     pub(crate) groups: PanelGroups,
     /// Normal velocity at group i per strength of the ring around group j, 1/m: for a jump of the potential $`\Gamma`$,
     /// $`A\Gamma`$ is the velocity of the surface.
-    pub influence: Influence,
+    pub influence: DMatrix<f64>,
+    /// Factors of it.
+    pub(crate) factors: PartialPivLu<f64>,
 }
 
 /// Properties of the air.
@@ -74,20 +77,23 @@ impl VortexLattice {
         let inner = inset_rim(&positions, faces, &corners, &groups);
         let rings = VortexRings::new(&inner, &groups.outlines);
         let sources = Doublet::of(&groups, &corners, &areas);
-        let mut rows = vec![0.0; n * n];
-        let mut velocities = vec![0.0; n];
+        // By rows, which are the columns of this matrix.
+        let mut transposed = DMatrix::zeros(n, n);
+        let mut velocities = DVector::zeros(n);
         for (f, &g) in groups.of.iter().enumerate() {
             let (g, at) = (g as usize, centre(&corners[f]));
-            rings.normal_velocities(at, normals[f], &mut velocities);
+            rings.normal_velocities(at, normals[f], velocities.as_mut_slice());
             if screening > 0.0 {
                 for (j, (velocity, source)) in velocities.iter_mut().zip(&sources).enumerate() {
                     *velocity += source.screened(screening, at, normals[f], g == j);
                 }
             }
-            axpy(groups.share[f], &velocities, &mut rows[g * n..(g + 1) * n]);
+            transposed.column_mut(g).axpy(groups.share[f], &velocities, 1.0);
         }
-        let influence = Influence::new(&rows, &groups.areas(&areas));
-        Some(Self { positions, screening, areas, normals, groups, influence })
+        let influence = transposed.transpose();
+        let influence = super::definite::definite(influence, &groups.areas(&areas));
+        let factors = super::inverse::factors(&influence);
+        Some(Self { positions, screening, areas, normals, groups, influence, factors })
     }
 }
 
@@ -202,7 +208,8 @@ mod tests {
                 .collect();
             // At the centre, far from the rim.
             let middle = n / 2 * n + n / 2;
-            let found = lattice.influence.apply(&wave.clone().into())[middle] / wave[middle];
+            let found: f64 =
+                (0..n * n).map(|j| lattice.influence[(middle, j)] * wave[j]).sum::<f64>() / wave[middle];
             let exact = 0.5 * f64::hypot(k, kappa);
             let error = found / exact - 1.0;
             println!("k {k}, kappa {kappa}: {found:.4} for {exact:.4} ({error:+.3})");
