@@ -10,7 +10,7 @@
 
 use std::collections::HashMap;
 use std::ops::Range;
-use std::rc::Rc;
+use std::sync::Arc;
 
 use nalgebra::Vector3;
 
@@ -59,9 +59,9 @@ pub struct CutFaces {
     /// Constraints.
     pub rows: FluxConstraints,
     /// Crossings, those of a face one after the other. Copies of a cut share what does not change.
-    crossings: Rc<[Crossing]>,
+    crossings: Arc<[Crossing]>,
     /// Of each row's entries: the crossings of its face.
-    of_entry: Rc<[std::ops::Range<usize>]>,
+    of_entry: Arc<[std::ops::Range<usize>]>,
     /// Area of a face, m2.
     area: f64,
 }
@@ -212,7 +212,7 @@ impl CutFaces {
         let mut cut = Self {
             rows: FluxConstraints::new(grid),
             crossings: crossings.into(),
-            of_entry: Rc::default(),
+            of_entry: Arc::default(),
             area: h * h,
         };
         cut.assemble(grid, permeability);
