@@ -91,7 +91,7 @@ type SavedState =
 /// How a surrogate followed the canopy.
 pub enum SurrogateUpdate {
     /// It has a new matrix.
-    Reassembled(VortexLattice),
+    Reassembled(Box<VortexLattice>),
     /// It has the matrix of the canopy before its rotation.
     Turned(Orientation),
 }
@@ -189,7 +189,7 @@ impl AddedMassSurrogate {
         let unturned: Vec<Vec3> = self.assembled_normals.iter().map(|n| orientation.rotation * n).collect();
         let most = if self.first_order { DEFORMATION_TOLERANCE_IMMERSED } else { DEFORMATION_TOLERANCE };
         if longer || self.rotation(&unturned, &orientation.normals) > most {
-            return self.reassemble(shape, dt).map(SurrogateUpdate::Reassembled);
+            return self.reassemble(shape, dt).map(Box::new).map(SurrogateUpdate::Reassembled);
         }
         Some(SurrogateUpdate::Turned(self.turn(shape, orientation)))
     }
@@ -461,7 +461,7 @@ impl AddedMassSurrogate {
         let (shape, length) = assembled_for;
         let mut updates = Vec::new();
         if (&shape, length) != (&self.assembled_for.0, self.assembled_for.1) || self.turned_for.is_some() {
-            updates.extend(self.reassemble(shape, length).map(SurrogateUpdate::Reassembled));
+            updates.extend(self.reassemble(shape, length).map(Box::new).map(SurrogateUpdate::Reassembled));
         }
         if let Some(shape) = turned_for {
             let areas = self.areas_at(&shape);
