@@ -300,16 +300,22 @@ fn a_thousand_crumpled_surfaces_are_solved() {
     crumpled(1000);
 }
 
-/// Solutions for other motions of the surface start from what the earlier ones have found: they agree with solutions without it, in fewer iterations.
-#[test]
-fn earlier_solutions_shorten_the_next_ones() {
+/// A sphere in a stream after the prediction of a step, with the predicted fluxes of its constraints.
+fn sphere_in_a_stream() -> (Flow, CutFaces, PredictedFluxes) {
     let (nodes, faces) = shapes::sphere(0.45, 2);
     let even = || Axis::even(-1.0, 1.0, 24);
     let grid = Grid::new([even(), even(), even()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]);
     let mut flow = Flow::new(grid, settings(Vector3::z(), 0.5, 0.0));
-    let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
+    let cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
     flow.predict(0.02, Vector3::zeros());
     let fluxes = flow.predicted_fluxes(&cut.rows);
+    (flow, cut, fluxes)
+}
+
+/// Solutions for other motions of the surface start from what the earlier ones have found: they agree with solutions without it, in fewer iterations.
+#[test]
+fn earlier_solutions_shorten_the_next_ones() {
+    let (mut flow, mut cut, fluxes) = sphere_in_a_stream();
     let mut history = SolveHistory::default();
     let (mut with, mut without) = (Vec::new(), Vec::new());
     for motion in [0.0, 0.3, 0.2, 0.2] {
@@ -337,13 +343,7 @@ fn earlier_solutions_shorten_the_next_ones() {
 /// A history of the last solution alone has two numbers a row; the same motion needs no iteration, another one those of a solution without history.
 #[test]
 fn a_history_of_the_last_solution_holds_two_numbers_a_row() {
-    let (nodes, faces) = shapes::sphere(0.45, 2);
-    let even = || Axis::even(-1.0, 1.0, 24);
-    let grid = Grid::new([even(), even(), even()], [SLIP, SLIP, Ends::Open([End::Inflow, End::Outflow])]);
-    let mut flow = Flow::new(grid, settings(Vector3::z(), 0.5, 0.0));
-    let mut cut = CutFaces::new(&flow.grid, &nodes, &faces, 0.0).expect("inside");
-    flow.predict(0.02, Vector3::zeros());
-    let fluxes = flow.predicted_fluxes(&cut.rows);
+    let (mut flow, mut cut, fluxes) = sphere_in_a_stream();
     let mut histories = [SolveHistory::of_last_solution(), SolveHistory::default()];
     let mut iterations = histories.each_ref().map(|_| Vec::new());
     for motion in [0.0, 0.0, 0.3] {
