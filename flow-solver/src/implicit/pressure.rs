@@ -95,41 +95,37 @@ impl PressureSystem {
         let n = self.matrix.own.len();
         let multigrid = self.multigrid.as_mut().expect("prepared");
         let matrix = &self.matrix;
+        let (direction, image) = (&mut self.direction, &mut self.image);
         x.fill(0.0);
-        multigrid.cycle(rows, halo, matrix, &self.residual, &mut self.relaxed);
-        let mut sums = [dot(&self.residual, &self.relaxed[..n]), dot(&self.residual, &self.residual)];
-        halo.comm().sum_slice(&mut sums);
-        let [mut rz, bb] = sums;
+        let comm = halo.comm();
+        let source_norm2 = comm.sum(dot(&self.residual, &self.residual));
         let mut report = SolveReport { iterations: 0, drop: 0.0 };
-        if bb == 0.0 {
+        if source_norm2 == 0.0 {
             return report;
         }
-        self.direction[..n].copy_from_slice(&self.relaxed[..n]);
         report.drop = 1.0;
+        let mut rz = 0.0;
+        // The residual is known before the cycle that would follow it, so that none is computed in vain.
         while report.iterations < max && report.drop > tolerance {
-            halo.exchange(&mut self.direction, 1);
-            let pap = halo.comm().sum(product(
-                rows,
-                &matrix.off,
-                &matrix.diagonal,
-                &self.direction,
-                &mut self.image,
-            ));
-            let alpha = (rz / pap) as f32;
-            for i in 0..n {
-                x[i] += alpha * self.direction[i];
-                self.residual[i] -= alpha * self.image[i];
-            }
             multigrid.cycle(rows, halo, matrix, &self.residual, &mut self.relaxed);
-            sums = [dot(&self.residual, &self.relaxed[..n]), dot(&self.residual, &self.residual)];
-            halo.comm().sum_slice(&mut sums);
-            let beta = (sums[0] / rz) as f32;
-            rz = sums[0];
-            for i in 0..n {
-                self.direction[i] = self.relaxed[i] + beta * self.direction[i];
+            let rz_before = std::mem::replace(&mut rz, comm.sum(dot(&self.residual, &self.relaxed[..n])));
+            if report.iterations == 0 {
+                direction[..n].copy_from_slice(&self.relaxed[..n]);
+            } else {
+                let beta = (rz / rz_before) as f32;
+                direction[..n].iter_mut().zip(&self.relaxed).for_each(|(d, z)| *d = z + beta * *d);
+            }
+            halo.exchange(direction, 1);
+            let pap = comm.sum(product(rows, &matrix.off, &matrix.diagonal, direction, image));
+            let alpha = (rz / pap) as f32;
+            for (x, d) in x[..n].iter_mut().zip(&direction[..n]) {
+                *x += alpha * d;
+            }
+            for (r, image) in self.residual.iter_mut().zip(&*image) {
+                *r -= alpha * image;
             }
             report.iterations += 1;
-            report.drop = (sums[1] / bb).sqrt();
+            report.drop = (comm.sum(dot(&self.residual, &self.residual)) / source_norm2).sqrt();
         }
         halo.exchange(x, 1);
         report
