@@ -121,42 +121,60 @@ impl Cloth<'_> {
     /// A law that is linear where it is taut, about the fabric's prestress.
     fn prestressed(&self, model: &Model, law: impl Material + Copy, all: &mut Loops) {
         let prestress = self.fabric.prestress_pa / (1.0 + self.friction);
-        if prestress > 0.0 {
-            self.elements(model, Prestressed::new(law, prestress), all);
-        } else {
-            self.elements(model, law, all);
-        }
+        self.elements(model, Prestressed::new(law, prestress), all);
     }
 
+    /// Elements of a law. Each kind of element is made for few laws over it: every combination that is written here is compiled.
     fn elements(&self, model: &Model, law: impl Material + Copy, all: &mut Loops) {
-        let own = |group: Option<u16>| group == self.group;
-        match (self.friction > 0.0, self.quads && self.damping > 0.0) {
-            (true, _) => {
-                let hysteretic = Hysteretic::new(law, self.friction);
-                self.push(model, if self.explicit { hysteretic.explicit() } else { hysteretic }, all);
+        let hysteretic = || {
+            let hysteretic = Hysteretic::new(law, self.friction);
+            if self.explicit { hysteretic.explicit() } else { hysteretic }
+        };
+        let (friction, damping) = (self.friction > 0.0, self.damping > 0.0);
+        match (self.quads, friction) {
+            (true, true) => {
+                self.quads(model, hysteretic(), all);
+                if damping {
+                    let law: Box<dyn Material> = Box::new(law);
+                    self.quads(model, Viscous::new(law, self.damping), all);
+                }
             }
-            (false, true) => self.push(model, KelvinVoigt::new(law, self.damping), all),
-            (false, false) => self.push(model, Elastic(law), all),
-        }
-        if !self.quads && model.split_faces.iter().any(|f| own(f.fabric)) {
-            let f = self.fabric;
-            all.push(Box::new(Elements::bent_faces_of(model, own, f.thickness_m, f.density_kg_m3)));
-        }
-        // One element has law and damping where that costs less.
-        if self.damping > 0.0 && !(self.quads && self.friction == 0.0) {
-            self.push(model, Viscous::new(law, self.damping), all);
+            // One element has law and damping where that costs less.
+            (true, false) if damping => self.quads(model, KelvinVoigt::new(law, self.damping), all),
+            (true, false) => self.quads(model, Elastic(law), all),
+            (false, friction) => {
+                if friction {
+                    self.triangles(model, hysteretic(), all);
+                } else {
+                    self.triangles(model, Elastic(law), all);
+                }
+                self.bent_faces(model, all);
+                if damping {
+                    self.triangles(model, Viscous::new(law, self.damping), all);
+                }
+            }
         }
     }
 
-    /// Elements of one law.
-    fn push(&self, model: &Model, law: impl StepLaw, all: &mut Loops) {
+    fn is_own(&self, group: Option<u16>) -> bool {
+        group == self.group
+    }
+
+    fn quads(&self, model: &Model, law: impl StepLaw, all: &mut Loops) {
         let (thickness, density) = (self.fabric.thickness_m, self.fabric.density_kg_m3);
-        let own = |group: Option<u16>| group == self.group;
-        all.push(if self.quads {
-            Box::new(Elements::quads_of(model, own, law, thickness, density))
-        } else {
-            Box::new(Elements::triangles_of(model, own, law, thickness, density))
-        });
+        all.push(Box::new(Elements::quads_of(model, |g| self.is_own(g), law, thickness, density)));
+    }
+
+    fn triangles(&self, model: &Model, law: impl StepLaw, all: &mut Loops) {
+        let (thickness, density) = (self.fabric.thickness_m, self.fabric.density_kg_m3);
+        all.push(Box::new(Elements::triangles_of(model, |g| self.is_own(g), law, thickness, density)));
+    }
+
+    fn bent_faces(&self, model: &Model, all: &mut Loops) {
+        let (thickness, density) = (self.fabric.thickness_m, self.fabric.density_kg_m3);
+        if model.split_faces.iter().any(|f| self.is_own(f.fabric)) {
+            all.push(Box::new(Elements::bent_faces_of(model, |g| self.is_own(g), thickness, density)));
+        }
     }
 }
 

@@ -13,6 +13,7 @@ pub use elements::Elements;
 
 use crate::elements::Sheet;
 use crate::elements::mass::MassMatrix;
+use crate::failure_site::principal;
 use crate::flat::Block;
 use crate::materials::{Regime, Stress};
 use crate::stream::Stream;
@@ -212,27 +213,9 @@ pub trait ElementLoop {
         &[]
     }
 
-    /// Principal stresses (Pa, first the larger) and state of membrane elements, in the order of
-    /// [`ElementLoop::sheets`]. A bilinear element says it for each of the two triangles of its face.
-    fn stresses(&self, _x: &[f64]) -> Vec<([f64; 2], Regime)> {
-        Vec::new()
-    }
-
-    /// Larger principal values of the nominal stress of membrane elements, Pa: force for each unstressed cross-section; as
-    /// [`ElementLoop::stresses`].
-    fn nominal_stresses(&self, _x: &[f64]) -> Vec<f64> {
-        Vec::new()
-    }
-
-    /// Principal Green strains of membrane elements, the larger first; as
-    /// [`ElementLoop::stresses`].
-    fn strains(&self, _x: &[f64]) -> Vec<[f64; 2]> {
-        Vec::new()
-    }
-
-    /// Unit vectors along the larger principal stresses of membrane elements, in the shape at `x`; zero where there is no
-    /// stress; as [`ElementLoop::stresses`].
-    fn stress_directions(&self, _x: &[f64]) -> Vec<Vec3> {
+    /// States of membrane elements with nodes at `x` (m), in the order of [`ElementLoop::sheets`]. A bilinear element says it for each
+    /// of the two triangles of its face.
+    fn sheet_states(&self, _x: &[f64]) -> Vec<SheetState> {
         Vec::new()
     }
 
@@ -244,6 +227,39 @@ pub trait ElementLoop {
     /// Tensions (N) of cable elements, in the order of [`ElementLoop::cables`].
     fn tensions(&self, _x: &[f64]) -> Vec<f64> {
         Vec::new()
+    }
+}
+
+/// State of a membrane element.
+#[derive(Clone, Copy, Debug)]
+pub struct SheetState {
+    /// Strain, stress and regime.
+    pub sheet: Sheet,
+    /// Columns of the deformation gradient.
+    pub gradient: [Vec3; 2],
+}
+
+/// What is reported of membrane elements, in the order of [`ElementLoop::sheets`]. Here, so that it is compiled once and not for each kernel.
+impl dyn ElementLoop + '_ {
+    /// Principal stresses, Pa, the larger first, and regime.
+    pub fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
+        let of = |s: &SheetState| (principal_stresses(&s.sheet.stress), s.sheet.regime);
+        self.sheet_states(x).iter().map(of).collect()
+    }
+
+    /// Larger principal values of the nominal stress, Pa: force for each unstressed cross-section.
+    pub fn nominal_stresses(&self, x: &[f64]) -> Vec<f64> {
+        self.sheet_states(x).iter().map(|s| nominal_stress(&s.sheet)).collect()
+    }
+
+    /// Principal Green strains, the larger first.
+    pub fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
+        self.sheet_states(x).iter().map(|s| principal(s.sheet.strain)).collect()
+    }
+
+    /// Unit vectors along the larger principal stresses in the shape at `x`; zero where there is no stress.
+    pub fn stress_directions(&self, x: &[f64]) -> Vec<Vec3> {
+        self.sheet_states(x).iter().map(|s| stress_direction(&s.sheet.stress, s.gradient)).collect()
     }
 }
 

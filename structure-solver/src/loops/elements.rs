@@ -1,12 +1,10 @@
 //! Elements of one kernel on a rank: gathering, scattering and assembly, once for all kernels.
 
 use super::stencil::Stencil;
-use super::{Configuration, ElementLoop, FaceLoad, nominal_stress, principal_stresses, stress_direction};
+use super::{Configuration, ElementLoop, FaceLoad, SheetState};
 use crate::elements::mass::MassMatrix;
-use crate::elements::{Kernel, Load, Sheet, Step};
-use crate::failure_site::principal;
+use crate::elements::{Kernel, Load, Step};
 use crate::flat::{Block, at};
-use crate::materials::Regime;
 use crate::stream::Stream;
 use mesh::geometry::Vec3;
 use mesh::lanes::{LANES, Lanes, gather, lanes};
@@ -203,19 +201,6 @@ impl<K: Kernel<N>, const N: usize> Elements<K, N> {
     fn sum(&self, one: impl Fn(&Element<K::Element, N>) -> f64) -> f64 {
         self.elements[..self.n_own].iter().map(one).sum()
     }
-
-    /// States of membrane elements, row by row.
-    fn sheets<T>(&self, x: &[f64], of: impl Fn(Sheet) -> T) -> Vec<T> {
-        self.rows_of(|e| self.kernel.sheet(&e.data, &e.stencil.gather(x)).map(&of))
-    }
-
-    /// What `one` says of the elements whose states are reported, row by row.
-    fn rows_of<T>(&self, one: impl Fn(&Element<K::Element, N>) -> Option<T>) -> Vec<T> {
-        match &self.rows {
-            Some(rows) => rows.iter().filter_map(|&k| one(&self.elements[k as usize])).collect(),
-            None => self.elements.iter().filter_map(one).collect(),
-        }
-    }
 }
 
 impl<D, const N: usize> Batch<D, N> {
@@ -369,16 +354,7 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn restore_state(&mut self, saved: &[f64]) -> Result<(), String> {
-        if !(saved.is_empty() || saved.len() == K::VARIABLES * self.elements.len()) {
-            let [found, variables] = [saved.len(), K::VARIABLES];
-            let elements = self.elements.len();
-            return Err(format!(
-                "{found} internal variables are not those of {elements} elements with {variables} each"
-            ));
-        }
-        if !saved.iter().all(|v| v.is_finite()) {
-            return Err("internal variables are not finite".into());
-        }
+        check_histories(saved, self.elements.len(), K::VARIABLES)?;
         if !saved.is_empty() {
             self.accepted = saved.to_vec();
             self.set_histories(saved);
@@ -436,8 +412,13 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn masses(&self) -> Vec<(Vec<u32>, f64)> {
-        let one = |e: &Element<K::Element, N>| Some((e.stencil.nodes.to_vec(), self.kernel.mass(&e.data)?));
-        self.elements.iter().filter_map(one).collect()
+        let mut masses = Vec::new();
+        for e in &self.elements {
+            if let Some(mass) = self.kernel.mass(&e.data) {
+                masses.push((e.stencil.nodes.to_vec(), mass));
+            }
+        }
+        masses
     }
 
     fn mass_shares(&self, element: usize, kind: MassMatrix) -> Vec<f64> {
@@ -448,24 +429,17 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
         self.elements.iter_mut().for_each(|e| e.stencil.assign_slots(slot));
     }
 
-    fn stresses(&self, x: &[f64]) -> Vec<([f64; 2], Regime)> {
-        self.sheets(x, |s| (principal_stresses(&s.stress), s.regime))
-    }
-
-    fn nominal_stresses(&self, x: &[f64]) -> Vec<f64> {
-        self.sheets(x, |s| nominal_stress(&s))
-    }
-
-    fn strains(&self, x: &[f64]) -> Vec<[f64; 2]> {
-        self.sheets(x, |s| principal(s.strain))
-    }
-
-    fn stress_directions(&self, x: &[f64]) -> Vec<Vec3> {
-        self.rows_of(|e| {
+    fn sheet_states(&self, x: &[f64]) -> Vec<SheetState> {
+        let mut states = Vec::new();
+        for row in 0..self.rows.as_ref().map_or(self.elements.len(), Vec::len) {
+            let e = &self.elements[self.rows.as_ref().map_or(row, |rows| rows[row] as usize)];
             let x = e.stencil.gather(x);
-            let sheet = self.kernel.sheet(&e.data, &x)?;
-            Some(stress_direction(&sheet.stress, self.kernel.tangents(&e.data, &x)?))
-        })
+            let sheet = self.kernel.sheet(&e.data, &x);
+            if let (Some(sheet), Some(gradient)) = (sheet, self.kernel.tangents(&e.data, &x)) {
+                states.push(SheetState { sheet, gradient });
+            }
+        }
+        states
     }
 
     fn sheets(&self) -> &[u32] {
@@ -477,8 +451,26 @@ impl<K: Kernel<N>, const N: usize> ElementLoop for Elements<K, N> {
     }
 
     fn tensions(&self, x: &[f64]) -> Vec<f64> {
-        self.elements.iter().filter_map(|e| self.kernel.tension(&e.data, &e.stencil.gather(x))).collect()
+        let mut tensions = Vec::new();
+        for e in &self.elements {
+            tensions.extend(self.kernel.tension(&e.data, &e.stencil.gather(x)));
+        }
+        tensions
     }
+}
+
+/// Checks that `saved` are the internal variables of `elements` elements with `variables` each, or none.
+fn check_histories(saved: &[f64], elements: usize, variables: usize) -> Result<(), String> {
+    if !(saved.is_empty() || saved.len() == variables * elements) {
+        let found = saved.len();
+        return Err(format!(
+            "{found} internal variables are not those of {elements} elements with {variables} each"
+        ));
+    }
+    if !saved.iter().all(|v| v.is_finite()) {
+        return Err("internal variables are not finite".into());
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -11,8 +11,11 @@ pub struct Prestressed<M> {
 }
 
 impl<M: Material> Prestressed<M> {
-    /// `law` about the same stress `prestress` (Pa, above zero) along all directions.
+    /// `law` about the same stress `prestress` (Pa, at least zero) along all directions.
     pub fn new(law: M, prestress: f64) -> Self {
+        if prestress == 0.0 {
+            return Self { law, offset: [0.0; 3] };
+        }
         // The laws are linear where they are taut: two pulls give the strain.
         let [a, b] = [law.tangent([1.0, 1.0, 0.0]).1[0], law.tangent([1.0, 1.0, 0.0]).1[1]];
         let determinant = a[0] * b[1] - a[1] * b[0];
