@@ -24,11 +24,6 @@ const INNER_TOLERANCE: f64 = 0.02;
 /// with 0.02, 0.05, 0.1.
 const INNER_TOLERANCE_IMMERSED: f64 = 0.05;
 
-/// Tolerance of the prediction of a window at least; it is that of the window where that is larger. The first flow solve
-/// finds more than either: it leaves a residual of a half to nine tenths around an immersed canopy. Tenth of the window's
-/// tolerance, and all of it (5e-3): 190 and 189 iterations, 699 and 538 solves of the structure in 80 windows of the ATPS.
-const PREDICTION_TOLERANCE: f64 = 1e-3;
-
 /// Interface block quasi-Newton (IBQN-LS; Vierendeels et al. 2007) with the structure itself instead of its Jacobian:
 /// a flow solve at the iterate, then structure and descent solved against the flow's last response, the surrogate's
 /// added-mass load and the secants of the flow. The flow's Jacobian varies slowly from window to window, unlike that
@@ -113,7 +108,7 @@ impl CouplingScheme for BlockQuasiNewton {
         self.motions.predict(dt, &mut state.x);
         if self.has_history {
             self.defects.predict(dt, &mut self.inner.defect);
-            let tolerance = solvers.criterion.tolerance.max(PREDICTION_TOLERANCE);
+            let tolerance = (0.1 * solvers.criterion.tolerance).max(1e-3);
             self.inner.x.copy_from_slice(&state.x);
             self.inner.solve(state, solvers, None, tolerance)?;
             state.x.copy_from_slice(&self.inner.x);
