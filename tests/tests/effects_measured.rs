@@ -173,7 +173,12 @@ fn holds(trial: &Trial, folder: &Path) {
 #[test]
 fn estimates_agree_with_measurements_on_two_scenes() {
     let folder = tempfile::tempdir().expect("a folder");
-    [0, 4].into_iter().for_each(|k| holds(&TRIALS[k], folder.path()));
+    std::thread::scope(|both| {
+        for k in [0, 4] {
+            let folder = folder.path();
+            both.spawn(move || holds(&TRIALS[k], folder));
+        }
+    });
 }
 
 #[test]

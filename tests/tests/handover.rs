@@ -67,23 +67,28 @@ fn flow_method_changes_between_stages() {
         assert!(drag < bound, "{drag}");
     }
 
-    // A run in two parts that is interrupted in the fitted stage.
-    let parts = copied(&out, folder.path().join("parts"));
-    succeed(ripstop_run(&scene, &parts, &["--stage", "fitted", "--only", "--stop-after-windows", "4"]));
-    succeed(ripstop_run(&scene, &parts, &["--resume"]));
-    for (stage, history) in STAGES.iter().zip(&histories).skip(1) {
-        assert_eq!(
-            history.without_wall_times(),
-            History::read(&parts, stage).without_wall_times(),
-            "{stage}"
-        );
-    }
+    // Both from copies of the run.
+    let [parts, ranks] = ["parts", "ranks"].map(|name| copied(&out, folder.path().join(name)));
+    std::thread::scope(|both| {
+        both.spawn(|| interrupted_run_is_the_same(&scene, &parts, &histories));
+        both.spawn(|| two_ranks_agree(&scene, &ranks, &histories));
+    });
+}
 
-    // On two ranks of the flow, to the tolerances of the solvers.
-    let ranks = copied(&out, folder.path().join("ranks"));
-    succeed(ripstop_run(&scene, &ranks, &["--stage", "fitted", "--ranks", "flow=2,mesh=1"]));
-    for (stage, history) in STAGES.iter().zip(&histories).skip(1) {
-        let [one, two] = [history, &History::read(&ranks, stage)].map(|h| h.column("drag_n"));
+/// A run in two parts that is interrupted in the fitted stage.
+fn interrupted_run_is_the_same(scene: &Path, parts: &Path, histories: &[History; 3]) {
+    succeed(ripstop_run(scene, parts, &["--stage", "fitted", "--only", "--stop-after-windows", "4"]));
+    succeed(ripstop_run(scene, parts, &["--resume"]));
+    for (stage, history) in STAGES.iter().zip(histories).skip(1) {
+        assert_eq!(history.without_wall_times(), History::read(parts, stage).without_wall_times(), "{stage}");
+    }
+}
+
+/// On two ranks of the flow, to the tolerances of the solvers.
+fn two_ranks_agree(scene: &Path, ranks: &Path, histories: &[History; 3]) {
+    succeed(ripstop_run(scene, ranks, &["--stage", "fitted", "--ranks", "flow=2,mesh=1"]));
+    for (stage, history) in STAGES.iter().zip(histories).skip(1) {
+        let [one, two] = [history, &History::read(ranks, stage)].map(|h| h.column("drag_n"));
         let errors: Vec<f64> = one.iter().zip(&two).map(|(a, b)| (a / b - 1.0).abs()).collect();
         println!("{stage} on two ranks: drag differs by {errors:?}");
         assert!(errors.iter().all(|e| *e < 1e-3), "{stage}: {errors:?}");
