@@ -181,7 +181,8 @@ pub trait Kernel<const N: usize>: 'static {
         None
     }
 
-    /// Columns of the deformation gradient of a membrane element: what its reference axes became.
+    /// Columns of the deformation gradient of a membrane element: what its reference axes became. Of every element that has a
+    /// [`Kernel::sheet`]: none is reported without.
     fn tangents(&self, _e: &Self::Element, _x: &[Vec3; N]) -> Option<[Vec3; 2]> {
         None
     }
