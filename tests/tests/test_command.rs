@@ -1,5 +1,6 @@
 //! `./test` ends with one line that counts the tests of all suites, including failed ones.
 
+use std::path::Path;
 use std::process::Command;
 
 use ripstop_tests::root;
@@ -136,6 +137,81 @@ fn few_failures_are_repeated_and_crashes_are_not() {
     assert!(text.contains("--lib -- --exact other") && text.contains("lib.rs: other ... FAILED\n"), "{text}");
     assert_eq!(again(&format!("{suite}{}", "test a::b ... FAILED\n".repeat(6))), "");
     assert_eq!(again(&format!("{suite}error: test failed, to rerun pass `-p x --test verification`\n")), "");
+}
+
+/// Line of Cargo's messages for a test program, a script in `folder`.
+fn test_program(folder: &Path, package: &str, name: &str, kind: &str, script: &str) -> String {
+    let crate_folder = folder.join(package);
+    std::fs::create_dir_all(&crate_folder).expect("made");
+    let manifest = crate_folder.join("Cargo.toml");
+    std::fs::write(&manifest, format!("[package]\nname = \"{package}\"\n")).expect("written");
+    let executable = folder.join(format!("{name}-0a1b"));
+    std::fs::write(&executable, format!("#!/bin/sh\n{script}\n")).expect("written");
+    std::fs::set_permissions(&executable, std::os::unix::fs::PermissionsExt::from_mode(0o755)).expect("done");
+    let source =
+        crate_folder.join(if kind == "test" { format!("tests/{name}.rs") } else { "src/lib.rs".into() });
+    serde_json::json!({
+        "reason": "compiler-artifact", "executable": executable, "manifest_path": manifest,
+        "target": {"kind": [kind], "name": name, "src_path": source}, "profile": {"test": true},
+    })
+    .to_string()
+}
+
+/// Two test programs run at the same time, those that inspect the machine first and alone; output stays together, and what fails or
+/// crashes is named as `cargo test` does.
+#[test]
+fn two_test_programs_run_at_a_time() {
+    let temporary = tempfile::tempdir().expect("a folder");
+    let folder = temporary.path();
+    let marks = folder.display();
+    // Each waits until the other has started: one after the other they would end with code 1.
+    let meet = |own: &str, other: &str| {
+        format!(
+            "echo start {own}; touch {marks}/{own}; i=0; while [ ! -e {marks}/{other} ]; do i=$((i+1)); \
+             [ $i = 600 ] && exit 1; sleep 0.05; done; echo end {own}; {}",
+            result("ok", 1, 0, 0).lines().map(|l| format!("echo '{l}'")).collect::<String>()
+        )
+    };
+    let alone = format!(
+        "[ -e {marks}/a ] && exit 1; echo \"$1\"; echo 'test result: ok. 2 passed; 0 failed; 0 ignored;'"
+    );
+    let lines = [
+        r#"{"reason":"compiler-artifact","executable":null,"profile":{"test":true}}"#.to_owned(),
+        test_program(folder, "mesh", "mesh", "lib", "echo 'test shape ... FAILED'; exit 101"),
+        test_program(folder, "mesh", "crash", "test", "kill -SEGV $$"),
+        test_program(folder, "ripstop-tests", "a", "test", &meet("a", "b")),
+        test_program(folder, "ripstop-tests", "b", "test", &meet("b", "a")),
+        test_program(folder, "ripstop-tests", "hosts", "test", &alone),
+        r#"{"reason":"build-finished","success":true}"#.to_owned(),
+    ];
+    let file = folder.join("messages");
+    std::fs::write(&file, lines.join("\n")).expect("written");
+    let output = Command::new(env!("CARGO_BIN_EXE_test-lanes")).arg(&file).output().expect("it starts");
+    let text = String::from_utf8(output.stdout).expect("text");
+    assert_eq!(output.status.code(), Some(1), "{text}");
+    for (own, other) in [("a", "b"), ("b", "a")] {
+        let whole = format!("     Running tests/{own}.rs ({marks}/{own}-0a1b)\nstart {own}\nend {own}\n");
+        assert!(text.contains(&whole), "{other}: {text}");
+    }
+    let first = format!("     Running tests/hosts.rs ({marks}/hosts-0a1b)\n--test-threads=2\n");
+    assert!(text.starts_with(&first), "{text}");
+    assert!(
+        text.contains("error: test failed, to rerun pass `-p mesh --test crash`\n\nCaused by:"),
+        "{text}"
+    );
+    assert!(text.contains("error: test failed, to rerun pass `-p mesh --lib`\n\n"), "{text}");
+    let (line, text, code) = summary(&text, "", "1");
+    assert_eq!((line.as_str(), code), ("4 passed, 2 failed, 0 skipped", 1));
+    assert!(
+        text.contains("unittests src/lib.rs: shape") && text.contains("tests/crash.rs: ended before"),
+        "{text}"
+    );
+
+    // No messages, or none about tests, is an error.
+    std::fs::write(&file, lines[0].clone()).expect("written");
+    let output = Command::new(env!("CARGO_BIN_EXE_test-lanes")).arg(&file).output().expect("it starts");
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("no test programs"));
 }
 
 #[test]
