@@ -117,6 +117,8 @@ pub struct Dynamics {
     pub(crate) traction: Vec<f64>,
     pub(crate) force: [Vec<f64>; 2],
     pub(crate) x: Vec<f64>,
+    /// Displacements over a substep, m.
+    pub(crate) du: Vec<f64>,
     /// Force that residuals of the window are measured against, N.
     scale: f64,
     /// Displacements after each substep of the last computed window: they start
@@ -172,6 +174,7 @@ impl Dynamics {
             traction: Vec::new(),
             force: [zero(), zero()],
             x: zero(),
+            du: zero(),
             scale: 1.0,
             path: Vec::new(),
             reactions: None,
@@ -265,12 +268,14 @@ impl Dynamics {
         } else if !known {
             self.path.resize_with(substeps as usize, || vec![0.0; n]);
         }
-        let form = self.scheme.step(dt / substeps as f64, self.damping);
-        let start = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
-        let balance = StepEquation { from: &self.current, form, load: start, body };
         self.system.set_step(f64::INFINITY);
         self.system.set_time(self.time);
-        self.scale = self.newton.load_scale(&self.system, &balance);
+        if self.explicit.is_none() {
+            let form = self.scheme.step(dt / substeps as f64, self.damping);
+            let end = FaceLoad { pressure: load.pressure[1], traction: load.traction[1] };
+            let balance = StepEquation { from: &self.current, form, load: end, body };
+            self.scale = self.newton.load_scale(&self.system, &balance);
+        }
         self.load_on(0.0, load, false);
         if self.payload.is_some() {
             let first = FaceLoad { pressure: load.pressure[0], traction: load.traction[0] };
@@ -441,9 +446,12 @@ impl Dynamics {
     /// `current` into `force[0]`.
     fn load_on(&mut self, share: f64, load: LoadPath<'_>, next: bool) {
         blend(load, share, &mut self.pressure, &mut self.traction);
-        let state = if next { &self.next } else { &self.current };
-        for i in 0..self.x.len() {
-            self.x[i] = self.system.model.reference[i] + state.u[i];
+        // An explicit step ends with its positions.
+        if !(next && self.explicit.is_some()) {
+            let state = if next { &self.next } else { &self.current };
+            for ((x, reference), u) in self.x.iter_mut().zip(&self.system.model.reference).zip(&state.u) {
+                *x = reference + u;
+            }
         }
         let face_load = FaceLoad { pressure: &self.pressure, traction: &self.traction };
         self.system.pressed(&self.x, face_load, &mut self.force[usize::from(next)]);

@@ -255,7 +255,9 @@ impl Dynamics {
         w[Works::LOAD] += if averaged { self.averaged_load_work(part) } else { known[0] };
         w[Works::DAMPING] -= known[1];
         let n = 3 * self.system.model.n_owned();
-        let du: Vec<f64> = self.next.u.iter().zip(&self.current.u).map(|(b, a)| b - a).collect();
+        let mut du = std::mem::take(&mut self.du);
+        du.clear();
+        du.extend(self.next.u.iter().zip(&self.current.u).map(|(b, a)| b - a));
         w[Works::FORCE] += self.system.nodal_work(&du);
         if body != [0.0; 3] {
             let f = &mut self.force[1];
@@ -277,6 +279,7 @@ impl Dynamics {
         {
             w[Works::PAYLOAD] += p.work(from, to, body.into());
         }
+        self.du = du;
     }
 
     /// Positions at the share `weight` of the step from `current` to `next` into `self.x`.

@@ -32,7 +32,7 @@ use mesh::geometry::Vec3;
 use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
 use crate::failure_site::principal;
-use crate::flat::at;
+use crate::flat::{at, first_not_finite};
 use crate::loops::{Configuration, FaceLoad};
 use crate::model::Model;
 use crate::newton::{NewtonError, NewtonInfo, State, Stop, sum_of_nodes};
@@ -83,6 +83,8 @@ pub struct Explicit {
     force: Vec<f64>,
     /// Acceleration on every mass of owned components, m/s2; zero where constrained.
     body: Vec<f64>,
+    /// That of free masses, m/s2.
+    body_of: [f64; 3],
     /// Half-step velocities of local components, m/s.
     half: Vec<f64>,
     /// Positions at the start of a step, m; empty without stresses by rates.
@@ -122,6 +124,7 @@ impl Explicit {
         let n = 3 * system.model.n_local();
         Ok(Self {
             body: vec![0.0; inverse_mass.len()],
+            body_of: [0.0; 3],
             inverse_mass,
             frequency,
             damping_rate,
@@ -161,6 +164,9 @@ impl Explicit {
 
     /// Keeps the acceleration `body` (m/s2) on every mass.
     fn set_body(&mut self, body: [f64; 3]) {
+        if std::mem::replace(&mut self.body_of, body) == body {
+            return;
+        }
         let components = self.body.iter_mut().zip(&self.inverse_mass).enumerate();
         components.for_each(|(i, (b, m))| *b = if *m > 0.0 { body[i % 3] } else { 0.0 });
     }
@@ -302,7 +308,7 @@ impl Dynamics {
     }
 
     fn explicit_steps(&mut self, e: &mut Explicit, part: Interval<'_>) -> Result<NewtonInfo, NewtonError> {
-        self.next.copy_from(&self.current);
+        self.next.copy_motion_from(&self.current);
         let Self { system, x, next, .. } = self;
         for ((x, reference), u) in x.iter_mut().zip(&system.model.reference).zip(&next.u) {
             *x = reference + u;
@@ -481,7 +487,8 @@ impl Dynamics {
     /// NaN and infinity are noticed on all ranks.
     fn finite(&self, owned: usize, steps: u32) -> Result<(), NewtonError> {
         let model = &self.system.model;
-        let bad = (0..owned).find(|&i| !(self.next.u[i].is_finite() && self.next.v[i].is_finite()));
+        let bad = [&self.next.u, &self.next.v].map(|field| first_not_finite(&field[..owned]));
+        let bad = bad.into_iter().flatten().min();
         match first_node(&model.comm, bad.map(|i| model.numbering.owned()[i / 3])) {
             Some(node) => Err(NewtonError::NotFinite { steps, node }),
             None => Ok(()),

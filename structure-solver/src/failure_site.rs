@@ -82,6 +82,6 @@ pub(crate) fn at_node(model: &Model, node: u64, x: &[f64]) -> Option<FailureSite
 
 /// Principal values of a strain in Voigt order (E11, E22, 2 E12), the larger first.
 pub(crate) fn principal(e: [f64; 3]) -> [f64; 2] {
-    let (mean, radius) = (0.5 * (e[0] + e[1]), (0.5 * (e[0] - e[1])).hypot(0.5 * e[2]));
+    let (mean, radius) = (0.5 * (e[0] + e[1]), (0.25 * ((e[0] - e[1]).powi(2) + e[2].powi(2))).sqrt());
     [mean + radius, mean - radius]
 }

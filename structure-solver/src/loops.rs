@@ -265,7 +265,7 @@ impl dyn ElementLoop + '_ {
 
 /// Principal values of a stress in Voigt order (11, 22, 12), the larger first, Pa.
 fn principal_stresses(s: &Stress) -> [f64; 2] {
-    let (mean, radius) = (0.5 * (s[0] + s[1]), (0.5 * (s[0] - s[1])).hypot(s[2]));
+    let (mean, radius) = (0.5 * (s[0] + s[1]), (0.25 * (s[0] - s[1]).powi(2) + s[2].powi(2)).sqrt());
     [mean + radius, mean - radius]
 }
 

@@ -33,9 +33,14 @@ impl State {
 
     /// Copies without allocating.
     pub fn copy_from(&mut self, other: &State) {
+        self.copy_motion_from(other);
+        self.a.copy_from_slice(&other.a);
+    }
+
+    /// As [`State::copy_from`], but for the accelerations.
+    pub(crate) fn copy_motion_from(&mut self, other: &State) {
         self.u.copy_from_slice(&other.u);
         self.v.copy_from_slice(&other.v);
-        self.a.copy_from_slice(&other.a);
         self.body = other.body;
     }
 }
