@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
-use crate::schemes::surrogate::inverse::{Inverse, factors};
+use crate::schemes::surrogate::inverse::Inverse;
 use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::panel_groups::PanelGroups;
 use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
@@ -108,7 +108,7 @@ impl AddedMassRelaxation {
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
         let gain = masses.difference.powi(2) * masses.response * masses.air.density / masses.fabric_kg_m2;
-        let inverse = Inverse::of(&factors(&(influence + DMatrix::identity(n, n) * gain)))?;
+        let inverse = Inverse::single(&(influence + DMatrix::identity(n, n) * gain))?;
         let mut node_faces = vec![0.0; positions.len()];
         faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
         // Force of the air per acceleration of the faces along their normals, in each axis.

@@ -53,8 +53,10 @@ pub struct InnerSolve {
     pub defect: Vec<f64>,
     /// The iterate, and after a solve the unknowns closest to equilibrium.
     pub x: Vec<f64>,
-    /// Added-mass load of the surrogate, in the layout of the response.
+    /// Added-mass load of the surrogate at `loaded_at`, in the layout of the response.
     added_mass_load: Vec<f64>,
+    /// Unknowns, and length of the window (s): 0 where no load is known.
+    loaded_at: (Vec<f64>, f64),
     x_tilde: Vec<f64>,
     next: Vec<f64>,
     best: Vec<f64>,
@@ -83,6 +85,7 @@ impl InnerSolve {
             defect: vec![0.0; m],
             x: vec![0.0; n],
             added_mass_load: vec![0.0; m],
+            loaded_at: (vec![0.0; n], 0.0),
             x_tilde: vec![0.0; n],
             next: vec![0.0; n],
             best: vec![0.0; n],
@@ -140,10 +143,22 @@ impl InnerSolve {
         about.map(|about| about.swept_volume).or_else(start)
     }
 
+    /// Computes the added-mass load at the unknowns `x` at the end of a window of length `dt`, unless it is known: a flow solve takes up the last
+    /// iterate, and the next solution begins there.
+    fn load_at(&mut self, x: &[f64], dt: f64) {
+        if (self.loaded_at.0.as_slice(), self.loaded_at.1) != (x, dt) {
+            self.model.added_mass_load(x, dt, &mut self.added_mass_load);
+            self.loaded_at.0.copy_from_slice(x);
+            self.loaded_at.1 = dt;
+        }
+    }
+
     /// The surrogate's response to the iterate at the end of a window of length `dt`.
     fn predict_response(&mut self, dt: f64, about: Option<FlowSolve<'_>>) {
-        self.model.added_mass_load(&self.x, dt, &mut self.response);
-        self.added_mass_load.copy_from_slice(&self.response);
+        let x = std::mem::take(&mut self.x);
+        self.load_at(&x, dt);
+        self.x = x;
+        self.response.copy_from_slice(&self.added_mass_load);
         if let Some(known) = self.known_volume(about) {
             self.model.add_volume_pressure(self.model.swept_volume(&self.x) - known, &mut self.response);
         }
@@ -186,7 +201,8 @@ impl InnerSolve {
 
     /// The defect of the surrogate in the flow's response of this window, with the grid at the unknowns `x`.
     pub fn measure_defect(&mut self, state: &WindowState, x: &[f64], defect: &mut [f64]) {
-        self.model.added_mass_load(x, state.window.dt, &mut self.response);
+        self.load_at(x, state.window.dt);
+        self.response.copy_from_slice(&self.added_mass_load);
         let truth = state.end.load.iter().chain(&state.report.force[self.model.force_axes()]);
         for ((r, truth), added_mass_load) in defect.iter_mut().zip(truth).zip(&self.response) {
             *r = truth - added_mass_load;
@@ -208,6 +224,7 @@ impl InnerSolve {
 
     /// The acceleration follows an update of the surrogate.
     fn follow(&mut self, update: &SurrogateUpdate) {
+        self.loaded_at.1 = 0.0;
         match update {
             SurrogateUpdate::Reassembled(lattice) => self.accelerator.reshape(lattice),
             SurrogateUpdate::Turned(orientation) => self.accelerator.turn(orientation),
@@ -222,6 +239,7 @@ impl InnerSolve {
         self.ends.push_front(WindowEnd { response, acceleration, dt });
         self.ends.truncate(ENDS);
         self.model.accept(x, dt);
+        self.loaded_at.1 = 0.0;
     }
 
     /// Drops the columns of the acceleration.
@@ -241,7 +259,50 @@ impl InnerSolve {
     pub fn restore_state(&mut self, saved: &[u8]) -> Result<(), RunError> {
         let (model, ends, accelerator): (Vec<u8>, _, Vec<u8>) = unpack(saved)?;
         self.model.restore_state(&model)?.iter().for_each(|update| self.follow(update));
+        self.loaded_at.1 = 0.0;
         self.ends = ends;
         self.accelerator.restore_state(&accelerator)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frame_axes::FrameAxes;
+    use crate::schemes::acceleration::relaxation::Uniform;
+    use crate::schemes::build::accelerator;
+    use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
+    use crate::schemes::test_support::plate;
+
+    /// The load that is kept for an iterate is that of the surrogate, in another window, at another length of it and at other unknowns too.
+    #[test]
+    fn known_load_is_that_of_the_surrogate() {
+        let (positions, faces) = plate(4);
+        let unknowns = Unknowns::new(positions.len(), 1.0, FrameAxes::None);
+        let lattice = VortexLattice::new(&positions, &faces, usize::MAX, 0.0).expect("a plate");
+        let rest = vec![0.0; 3 * positions.len()];
+        let air = Air::incompressible(1.2);
+        let model = AddedMassSurrogate::new(unknowns, &lattice, &rest, [0.0; 3], &faces, air, usize::MAX)
+            .expect("a plate");
+        let iqn = accelerator(&case::Coupling::default(), unknowns.len(), Box::new(Uniform(0.5)));
+        let mut inner = InnerSolve::new(Surrogate { model, accelerator: iqn }, LoadShape::Linear, &unknowns);
+        let at = |by: f64| -> Vec<f64> { (0..unknowns.len()).map(|i| by * (0.3 * i as f64).sin()).collect() };
+        let mut seen: Vec<Vec<f64>> = Vec::new();
+        let mut load = |inner: &mut InnerSolve, x: &[f64], dt: f64| {
+            let mut expected = vec![0.0; inner.model.response_len()];
+            inner.model.added_mass_load(x, dt, &mut expected);
+            for _ in 0..2 {
+                inner.load_at(x, dt);
+                assert_eq!(inner.added_mass_load, expected);
+            }
+            assert!(!seen.contains(&expected), "each motion has a load of its own");
+            seen.push(expected);
+        };
+        load(&mut inner, &at(1.0), 0.1);
+        load(&mut inner, &at(2.0), 0.1);
+        load(&mut inner, &at(2.0), 0.2);
+        let defect = vec![0.0; inner.response.len()];
+        inner.accept(&at(2.0), &defect, 0.2);
+        load(&mut inner, &at(2.0), 0.2);
     }
 }

@@ -420,7 +420,7 @@ impl AddedMassSurrogate {
 
     /// Adds to `response` the change of the defect that the secants predict for a `step` of the added-mass load.
     pub fn apply_correction(&self, step: &[f64], response: &mut [f64]) {
-        let mut rest = step.to_vec();
+        let mut rest = self.without_friction(step);
         for (c, secant) in self.columns.remove(&mut rest).iter().zip(&self.secants) {
             axpy(-c, &secant.change, response);
         }
@@ -476,9 +476,15 @@ impl AddedMassSurrogate {
     }
 
     fn refactor(&mut self) {
-        self.columns = Columns::default();
-        let columns = &mut self.columns;
-        self.secants.retain(|secant| columns.push(&secant.step, secant.filter));
+        let (mut columns, mut secants) = (Columns::default(), std::mem::take(&mut self.secants));
+        secants.retain(|secant| columns.push(&self.without_friction(&secant.step), secant.filter));
+        (self.columns, self.secants) = (columns, secants);
+    }
+
+    /// Pressures and forces of a response: an added-mass load has nothing else.
+    fn without_friction(&self, response: &[f64]) -> Vec<f64> {
+        let (loads, forces) = response.split_at(self.loads_len());
+        loads.iter().step_by(LOAD_WIDTH).chain(forces).copied().collect()
     }
 }
 

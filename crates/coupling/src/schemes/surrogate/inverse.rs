@@ -1,7 +1,7 @@
 //! Inverse of a dense matrix for models that need few digits.
 
-use faer::MatRef;
 use faer::linalg::solvers::{DenseSolveCore, PartialPivLu};
+use faer::{Mat, MatRef};
 use nalgebra::DMatrix;
 
 /// Partial sums in parallel (vector lanes).
@@ -24,11 +24,18 @@ impl Inverse {
     /// `None` for a singular matrix.
     pub fn of(factors: &PartialPivLu<f64>) -> Option<Self> {
         let inverse = factors.inverse();
-        let n = inverse.nrows();
-        let mut rows = Vec::with_capacity(n * n);
-        for i in 0..n {
-            rows.extend((0..n).map(|j| inverse[(i, j)] as f32));
-        }
+        Self::by_rows(inverse.nrows(), |i, j| inverse[(i, j)] as f32)
+    }
+
+    /// As [`Inverse::of`], with factors in single precision: for a matrix of low condition. `None` for a singular one.
+    pub fn single(matrix: &DMatrix<f64>) -> Option<Self> {
+        let single = Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32);
+        let inverse = single.partial_piv_lu().inverse();
+        Self::by_rows(inverse.nrows(), |i, j| inverse[(i, j)])
+    }
+
+    fn by_rows(n: usize, at: impl Fn(usize, usize) -> f32) -> Option<Self> {
+        let rows: Vec<f32> = (0..n * n).map(|k| at(k / n, k % n)).collect();
         rows.iter().all(|v| v.is_finite()).then_some(Self { n, rows })
     }
 
@@ -66,10 +73,13 @@ mod tests {
         let found = inverse.apply(b.as_slice());
         let largest = b.amax();
         assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-6 * largest), "{found:?} {x:?}");
+        let found = Inverse::single(&matrix).expect("a regular matrix").apply(b.as_slice());
+        assert!(found.iter().zip(&x).all(|(a, b)| (a - b).abs() < 1e-6 * largest), "{found:?} {x:?}");
     }
 
     #[test]
     fn singular_matrix_has_no_inverse() {
         assert!(Inverse::of(&factors(&DMatrix::from_element(3, 3, 0.0))).is_none());
+        assert!(Inverse::single(&DMatrix::from_element(3, 3, 0.0)).is_none());
     }
 }
