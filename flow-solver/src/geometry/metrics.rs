@@ -101,6 +101,8 @@ pub struct Metrics {
     pub size: Vec<f64>,
     /// Centre of volume of each local cell, m; numbers that travel to the ghosts. See [`Metrics::centre`].
     pub centre: Vec<[f64; 3]>,
+    /// Of each local cell, by how much the centre of volume lies from the mean of its corners, m; empty where the grid does not move.
+    shift: Vec<[f64; 3]>,
 }
 
 impl Metrics {
@@ -114,17 +116,22 @@ impl Metrics {
             volume: vec![0.0; n],
             size: vec![0.0; n],
             centre: vec![[0.0; 3]; n],
+            shift: Vec::new(),
         };
         metrics.update(topology, halo, x);
+        metrics.shift = Vec::new();
         metrics
     }
 
     /// As [`Metrics::new`], in place.
     pub fn update(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3]) {
         self.start_from_inside(topology, halo, x);
-        let shift = self.add_faces(topology, halo, x);
+        let mut shift = std::mem::take(&mut self.shift);
+        shift.resize(topology.n_local(), [0.0; 3]);
+        self.add_faces(topology, halo, x, &mut shift);
         self.shift_centres(&shift);
         self.measure_spacings(topology, &shift);
+        self.shift = shift;
     }
 
     /// Puts the centres to points inside the cells, near which sums lose no digits. Collective.
@@ -142,12 +149,12 @@ impl Metrics {
         }
     }
 
-    /// Areas of the faces and volumes of the cells; returns by how much the centres of volume lie from the points
-    /// that the centres are at, m, of all local cells. Collective.
-    fn add_faces(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3]) -> Vec<[f64; 3]> {
+    /// Areas of the faces and volumes of the cells, and by how much (m) the centres of volume lie from the points
+    /// that the centres are at, of all local cells. Collective.
+    fn add_faces(&mut self, topology: &Topology, halo: &Halo, x: &[Vec3], moment: &mut [[f64; 3]]) {
         let n_owned = topology.n_owned;
         self.volume.fill(0.0);
-        let mut moment = vec![[0.0; 3]; topology.n_local()];
+        moment.fill([0.0; 3]);
         let shape_of = |f: usize| {
             let nodes = topology.face_nodes[f];
             face::shape(&nodes.map(|n| x[n as usize]), nodes[2] == nodes[3])
@@ -184,7 +191,6 @@ impl Metrics {
         }
         halo.exchange(moment.as_flattened_mut(), 3);
         halo.exchange(volume, 1);
-        moment
     }
 
     /// Centres of volume, and the sizes of the cells.

@@ -5,7 +5,7 @@
 //! runs one program after the other, and a core waits wherever a program has one long test left.
 //!
 //! Two lanes take one test each, because most tests start the programs of a scene. Programs that inspect the machine run first and
-//! alone. Those of [`LONG`] follow, so that neither lane has a long program left at the end. Exit code 1 where a program fails.
+//! alone. The long ones of `ripstop-tests` follow, so that neither lane has a long program left at the end. Exit code 1 where a program fails.
 
 use std::collections::VecDeque;
 use std::fs::File;

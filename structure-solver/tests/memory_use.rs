@@ -1,0 +1,81 @@
+//! Explicit substeps take no memory. One test, because it counts the allocations of the process.
+
+use std::alloc::{GlobalAlloc, Layout, System as Allocator};
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
+use structure_solver::dynamics::{Dynamics, LoadPath};
+use structure_solver::elements::cable::TwoWay;
+use structure_solver::elements::mass::MassMatrix;
+use structure_solver::materials::StVenantKirchhoff;
+use structure_solver::scheme::Scheme;
+
+#[allow(dead_code, reason = "this test uses a part of it")]
+#[path = "verification/common.rs"]
+mod common;
+#[allow(dead_code, reason = "this test uses a part of it")]
+#[path = "verification/shapes.rs"]
+mod shapes;
+
+/// Counts allocations.
+struct Counted;
+
+#[global_allocator]
+static ALLOCATOR: Counted = Counted;
+static COUNT: AtomicUsize = AtomicUsize::new(0);
+
+// SAFETY: forwards all calls to the system's allocator.
+unsafe impl GlobalAlloc for Counted {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { Allocator.alloc(layout) }
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        COUNT.fetch_add(1, Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { Allocator.alloc_zeroed(layout) }
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.fetch_add(1, Relaxed);
+        // SAFETY: as the caller promised.
+        unsafe { Allocator.realloc(block, layout, size) }
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as the caller promised.
+        unsafe { Allocator.dealloc(block, layout) }
+    }
+}
+
+/// Allocations of a window of `substeps` under pressure, gravity and mass damping.
+fn allocations(d: &mut Dynamics, substeps: u64, pressure: &[f64]) -> usize {
+    let load = LoadPath { pressure: [pressure; 2], traction: [&[]; 2] };
+    let before = COUNT.load(Relaxed);
+    d.window(1e-4 * substeps as f64, substeps, load, [0.0, 0.0, -9.81], false).expect("a stable step");
+    let count = COUNT.load(Relaxed) - before;
+    d.accept();
+    count
+}
+
+/// A sheet with lines: a window of 200 substeps takes memory as often as one of ten.
+#[test]
+fn explicit_substeps_take_no_memory() {
+    let mut mesh = shapes::sheet(8, 1.0);
+    for k in 0..8 {
+        shapes::add_cable(&mut mesh, [36 + k, 37 + k], 0.98 / 8.0);
+    }
+    let (fabric, line) = (StVenantKirchhoff::isotropic(1e6, 0.3), TwoWay { youngs_modulus: 1e7 });
+    let system = common::both_of_mass(&mesh, fabric, line, 1e-5, MassMatrix::Lumped);
+    let mut d = Dynamics::new(system, common::params(Scheme::newmark(), 2.0));
+    let evaluations = |d: &Dynamics| d.explicit().expect("explicit steps").evaluations;
+    d.integrate_explicitly(0.5).expect("a sheet with mass");
+    let pressure = vec![30.0; d.system.model.n_faces];
+    allocations(&mut d, 10, &pressure);
+    let before = evaluations(&d);
+    let [few, many] = [10, 200].map(|substeps| allocations(&mut d, substeps, &pressure));
+    println!("{few} and {many} allocations in 10 and 200 substeps, {} evaluations", evaluations(&d) - before);
+    assert!(evaluations(&d) - before >= 210);
+    assert_eq!(few, many);
+}
