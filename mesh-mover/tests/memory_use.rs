@@ -1,48 +1,17 @@
 //! Memory use of a mesh-mover over many changes of its reference grid. One test, because it measures the memory of
 //! the process.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::Ordering;
 
 use case::MeshMotion;
 use mesh_mover::benchmark_motions::{MOTIONS, MotionTrial, plate};
 use mesh_mover::elastic::{Elastic, Solid};
 use mesh_mover::motion::Limits;
 
-/// Counts the allocated bytes.
-struct Counted;
+#[path = "../../tests/src/counted.rs"]
+mod counted;
 
-#[global_allocator]
-static ALLOCATOR: Counted = Counted;
-static USED: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: forwards all calls to the system's allocator.
-unsafe impl GlobalAlloc for Counted {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        USED.fetch_add(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        USED.fetch_add(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        USED.fetch_add(size, Ordering::Relaxed);
-        USED.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        USED.fetch_sub(layout.size(), Ordering::Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
+use counted::USED;
 
 /// Anonymous memory of the process, bytes.
 fn resident() -> usize {

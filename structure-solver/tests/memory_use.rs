@@ -1,7 +1,6 @@
 //! Explicit substeps take no memory. One test, because it counts the allocations of the process.
 
-use std::alloc::{GlobalAlloc, Layout, System as Allocator};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
 use structure_solver::dynamics::{Dynamics, LoadPath};
 use structure_solver::elements::cable::TwoWay;
@@ -12,42 +11,13 @@ use structure_solver::scheme::Scheme;
 #[allow(dead_code, reason = "this test uses a part of it")]
 #[path = "verification/common.rs"]
 mod common;
+#[path = "../../tests/src/counted.rs"]
+mod counted;
 #[allow(dead_code, reason = "this test uses a part of it")]
 #[path = "verification/shapes.rs"]
 mod shapes;
 
-/// Counts allocations.
-struct Counted;
-
-#[global_allocator]
-static ALLOCATOR: Counted = Counted;
-static COUNT: AtomicUsize = AtomicUsize::new(0);
-
-// SAFETY: forwards all calls to the system's allocator.
-unsafe impl GlobalAlloc for Counted {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { Allocator.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        COUNT.fetch_add(1, Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { Allocator.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.fetch_add(1, Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { Allocator.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        // SAFETY: as the caller promised.
-        unsafe { Allocator.dealloc(block, layout) }
-    }
-}
+use counted::COUNT;
 
 /// Allocations of a window of `substeps` under pressure, gravity and mass damping.
 fn allocations(d: &mut Dynamics, substeps: u64, pressure: &[f64]) -> usize {

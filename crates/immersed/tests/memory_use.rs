@@ -1,7 +1,6 @@
 //! Memory of a flow over windows of several steps. One test, because it measures the memory of the process.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::Ordering::Relaxed;
 
 use immersed::axis::Axis;
 use immersed::constraints::FluxConstraints;
@@ -14,50 +13,13 @@ use immersed::momentum::Momentum;
 use immersed::shapes;
 use nalgebra::Vector3;
 
-/// Counts the allocated bytes, their maximum, and the allocations of an array as large as [`LARGE`] or larger.
-struct Counted;
+#[path = "../../../tests/src/counted.rs"]
+mod counted;
 
-#[global_allocator]
-static ALLOCATOR: Counted = Counted;
-static USED: AtomicUsize = AtomicUsize::new(0);
-static MOST: AtomicUsize = AtomicUsize::new(0);
-static ARRAYS: AtomicUsize = AtomicUsize::new(0);
+use counted::{COUNT, LEAST, MOST, USED};
 
 /// Bytes of ten planes of the grid of the test.
 const LARGE: usize = 10 * 8 * 40 * 40;
-
-fn count(size: usize) {
-    MOST.fetch_max(USED.fetch_add(size, Relaxed) + size, Relaxed);
-    ARRAYS.fetch_add(usize::from(size >= LARGE), Relaxed);
-}
-
-// SAFETY: forwards all calls to the system's allocator.
-unsafe impl GlobalAlloc for Counted {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
-        count(layout.size());
-        // SAFETY: as the caller promised.
-        unsafe { System.alloc_zeroed(layout) }
-    }
-
-    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        count(size);
-        USED.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.realloc(block, layout, size) }
-    }
-
-    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
-        USED.fetch_sub(layout.size(), Relaxed);
-        // SAFETY: as the caller promised.
-        unsafe { System.dealloc(block, layout) }
-    }
-}
 
 /// A window of `steps` steps, solved three times.
 fn window(flow: &mut Flow, cut: &CutFaces, friction: &mut Friction, steps: usize) {
@@ -90,6 +52,7 @@ fn window(flow: &mut Flow, cut: &CutFaces, friction: &mut Friction, steps: usize
 /// no ghosts, and neither has the pressure of the last of several steps. After the first windows steps allocate small arrays only.
 #[test]
 fn windows_of_several_steps_need_eighteen_arrays() {
+    LEAST.store(LARGE, Relaxed);
     for (steps, arrays) in [(1, 12), (2, 15), (3, 18), (5, 18)] {
         let axis = |n: usize| Axis::even(-1.0, 1.0, n);
         let open = Ends::Open([End::Inflow, End::Outflow]);
@@ -108,11 +71,11 @@ fn windows_of_several_steps_need_eighteen_arrays() {
         for _ in 0..2 {
             window(&mut flow, &cut, &mut friction, steps);
         }
-        let allocated = ARRAYS.load(Relaxed);
+        let allocated = COUNT.load(Relaxed);
         for _ in 0..3 {
             window(&mut flow, &cut, &mut friction, steps);
         }
-        let large = ARRAYS.load(Relaxed) - allocated;
+        let large = COUNT.load(Relaxed) - allocated;
         let most = MOST.load(Relaxed) - before;
         let without_ghosts = if steps > 1 { 3 } else { 2 };
         // Rates of the values next to the plate, two for each segment at most: of the last step, and of the start of the window.
