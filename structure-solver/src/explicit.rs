@@ -25,6 +25,7 @@
 //! $`h^2 \omega^2 + 2 h c < 4`$ with the largest eigenvalue $`c`$ of $`M^{-1}C`$, $`C`$ their tangent by the velocity. For a retardation time $`\tau`$ of
 //! the stiffest part that is $`h < \sqrt{\tau^2 + 4 / \omega^2} - \tau`$.
 
+use channel::first_not_finite;
 use comm::Comm;
 use linalg::Operator;
 use mesh::geometry::Vec3;
@@ -32,7 +33,7 @@ use mesh::geometry::Vec3;
 use crate::dynamics::{Dynamics, Interval, LoadPath, blend};
 use crate::elements::membrane;
 use crate::failure_site::principal;
-use crate::flat::{at, first_not_finite};
+use crate::flat::at;
 use crate::loops::{Configuration, FaceLoad};
 use crate::model::Model;
 use crate::newton::{NewtonError, NewtonInfo, State, Stop, sum_of_nodes};

@@ -29,29 +29,3 @@ pub fn add_block(to: &mut Block, k: &Mat3) {
         }
     }
 }
-
-/// Index of the first number that is NaN or infinite. Whole blocks are judged by their bits, which compilers vectorise.
-pub(crate) fn first_not_finite(values: &[f64]) -> Option<usize> {
-    const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
-    const BLOCK: usize = 256;
-    let bad = |x: &f64| x.to_bits() & EXPONENT == EXPONENT;
-    let block = values.chunks(BLOCK).position(|block| block.iter().fold(false, |any, x| any | bad(x)))?;
-    values[block * BLOCK..].iter().position(bad).map(|i| block * BLOCK + i)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_first_number_that_is_not_finite_is_found() {
-        let mut values = vec![-0.0; 700];
-        values[3] = f64::MAX;
-        assert_eq!(first_not_finite(&values), None);
-        for (at, bad) in [(699, f64::NAN), (512, f64::NEG_INFINITY), (2, f64::INFINITY)] {
-            values[at] = bad;
-            assert_eq!(first_not_finite(&values), Some(at));
-        }
-        assert_eq!(first_not_finite(&values[3..512]), None);
-    }
-}

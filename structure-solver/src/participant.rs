@@ -289,7 +289,7 @@ impl StructureSolver {
                 WIDTH * faces
             )));
         }
-        if let Some(i) = canopy.iter().position(|v| !v.is_finite()) {
+        if let Some(i) = channel::first_not_finite(canopy) {
             return Err(Fault::new(format!(
                 "the load on canopy face {} is {}: the flow or the coupling has diverged",
                 i / WIDTH,

@@ -159,7 +159,7 @@ impl Hub {
     }
 
     /// Waits, asleep, until each rank of `role` has sent its response to the requested window. `each` reads the
-    /// output of each rank in place, in rank order: global rows and `[rows][output_width]`. The mesh-mover's grid
+    /// output of each rank in place, in rank order and by blocks of rows: global rows and `[rows][output_width]`. The mesh-mover's grid
     /// goes directly to the flow-solver: its data are empty here unless the hub watches the grid. Returns the
     /// statistics of each rank.
     pub fn collect(

@@ -61,3 +61,4 @@ pub use relay::Peers;
 pub use resume::*;
 pub use serve::*;
 pub use session::{cleanup, cleanup_stale, session_files};
+pub use wire::first_not_finite;

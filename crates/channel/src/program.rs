@@ -169,6 +169,9 @@ impl Program {
         };
         self.sequence += 1;
         self.wake_event.notify();
+        if kind == Kind::Advance {
+            sender.prepare(self.input_length);
+        }
         Ok(got)
     }
 
@@ -217,19 +220,37 @@ impl Program {
                 problem = Some(format!("it answered {}", during(Kind::Output, &answered)));
             }
             let data = grid.as_ref().unwrap_or(&message).payload();
-            if let Some(i) = first_not_finite(data) {
-                problem = Some(format!("output row {} holds {}", rank.rows[i / output.width()], data[i]));
-            }
             if let Some(i) = first_not_finite(&message.header().stats.values) {
                 problem = Some(format!("statistic {i} is not finite"));
             }
-            match problem {
-                Some(problem) => return Err(rank.broken(pending.kind, &pending.window, problem)),
-                None => each(&rank.rows, data),
-            }
+            let problem = problem.map_or_else(|| read_finite(&rank.rows, data, output.width(), each), Err);
+            problem.map_err(|problem| rank.broken(pending.kind, &pending.window, problem))?;
         }
         Ok(stats)
     }
+}
+
+/// Rows of an output that are checked and then read, while they are in the first cache.
+const CHECKED_ROWS: usize = 512;
+
+/// Passes the rows of an output to `each`, up to a row that holds a number that is not finite: the error names it.
+fn read_finite(
+    rows: &[u64],
+    data: &[f64],
+    width: usize,
+    each: &mut dyn FnMut(&[u64], &[f64]),
+) -> Result<(), String> {
+    if data.is_empty() {
+        each(rows, data);
+        return Ok(());
+    }
+    for (rows, data) in rows.chunks(CHECKED_ROWS).zip(data.chunks(CHECKED_ROWS * width)) {
+        if let Some(i) = first_not_finite(data) {
+            return Err(format!("output row {} holds {}", rows[i / width], data[i]));
+        }
+        each(rows, data);
+    }
+    Ok(())
 }
 
 impl Rank {

@@ -256,8 +256,14 @@ impl RankServer {
 
     /// Memory for the output of a window.
     pub fn loan(&self) -> Result<Loan, ServeError> {
+        let (sender, words) = self.output();
+        Ok(sender.loan(words)?)
+    }
+
+    /// Channel and numbers of the output.
+    fn output(&self) -> (&Sender, usize) {
         let words = self.output_rows.len() * Unit::of_output(self.member.at.role).width();
-        Ok(self.grid_out.as_ref().unwrap_or(&self.answers).loan(words)?)
+        (self.grid_out.as_ref().unwrap_or(&self.answers), words)
     }
 
     /// Computes one window: input is read in place, output is written in place.
@@ -301,10 +307,13 @@ impl RankServer {
             let readers = self.welcome.grid_readers + usize::from(self.welcome.coupler_reads_grid);
             self.delivered(Kind::Grid, got, readers)?;
             self.member.notify_readers();
-            self.answer(self.answers.send(answer)?)
+            self.answer(self.answers.send(answer)?)?;
         } else {
-            self.answer(loan.send(answer.with_payload(unit, words))?)
+            self.answer(loan.send(answer.with_payload(unit, words))?)?;
         }
+        let (sender, words) = self.output();
+        sender.prepare(words);
+        Ok(())
     }
 
     /// The grid of window `w`: one message from each rank of the mesh.

@@ -4,6 +4,7 @@
 //! written and read in place. A *wake event* wakes processes that sleep in the kernel. No call blocks until a
 //! receiver has free space: the contract is lock-step, so a message that does not fit is an error.
 
+use std::cell::RefCell;
 use std::time::Duration;
 
 use iceoryx2::port::listener::{Listener, ListenerWaitError};
@@ -171,13 +172,14 @@ impl Channel {
             .service
             .publisher_builder()
             .initial_max_slice_len(words)
-            .max_loaned_samples(1)
+            // One that is written, one prepared for the next message.
+            .max_loaned_samples(2)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
-            // In lock-step at most: one borrowed, two unread, one replaced, one loaned.
+            // In lock-step at most: one borrowed, two unread, one replaced, two loaned.
             .override_sample_preallocation(|worst| worst.min(2 * BUFFER + 2))
             .create()
             .map_err(failed(&format!("sending on `{}`", self.name)))?;
-        Ok(Sender { name: self.name.clone(), publisher, words })
+        Ok(Sender { name: self.name.clone(), prepared: RefCell::default(), publisher, words })
     }
 
     pub fn receiver(&self) -> Result<Receiver, SessionError> {
@@ -192,6 +194,8 @@ impl Channel {
 
 pub(crate) struct Sender {
     name: String,
+    /// Memory for the next message, by [`Sender::prepare`].
+    prepared: RefCell<Option<Sample>>,
     publisher: Publisher<Ipc, [f64], Header>,
     /// Numbers in the longest message.
     pub words: usize,
@@ -200,19 +204,31 @@ pub(crate) struct Sender {
 /// A message in shared memory that is being written.
 pub(crate) struct Loan {
     name: String,
-    sample: iceoryx2::sample_mut::SampleMut<Ipc, [f64], Header>,
+    sample: Sample,
 }
+
+type Sample = iceoryx2::sample_mut::SampleMut<Ipc, [f64], Header>;
 
 impl Sender {
     /// Shared memory for a message of `words` numbers, initialised to NaN, so that values that were not written are
     /// detected.
     pub fn loan(&self, words: usize) -> Result<Loan, SessionError> {
-        let sample = self
-            .publisher
-            .loan_slice_uninit(words)
-            .map_err(failed(&format!("{words} numbers on `{}`", self.name)))?
-            .write_from_fn(|_| f64::NAN);
+        let prepared = self.prepared.take().filter(|sample| sample.payload().len() == words);
+        let sample = prepared.map_or_else(|| self.without_values(words), Ok)?;
         Ok(Loan { name: self.name.clone(), sample })
+    }
+
+    /// Prepares the next message, of `words` numbers, while the other side works: [`Sender::loan`] then takes no time.
+    pub fn prepare(&self, words: usize) {
+        // Whatever keeps this from working is reported when the message is needed.
+        let prepared = self.prepared.take().filter(|sample| sample.payload().len() == words);
+        self.prepared.replace(prepared.or_else(|| self.without_values(words).ok()));
+    }
+
+    fn without_values(&self, words: usize) -> Result<Sample, SessionError> {
+        let memory = self.publisher.loan_slice_uninit(words);
+        let memory = memory.map_err(failed(&format!("{words} numbers on `{}`", self.name)))?;
+        Ok(memory.write_from_fn(|_| f64::NAN))
     }
 
     /// Sends a message without numbers. Returns the number of receivers.

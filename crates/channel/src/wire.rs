@@ -117,9 +117,8 @@ pub(crate) fn to_json<T: Serialize>(value: &T) -> Result<String, SessionError> {
         .map_err(|e| SessionError::Transport { what: "handshake".into(), problem: e.to_string() })
 }
 
-/// Index of the first number that is NaN or infinite. Operates on bits, which compilers vectorise: every message is
-/// scanned once.
-pub(crate) fn first_not_finite(values: &[f64]) -> Option<usize> {
+/// Index of the first number that is NaN or infinite. Whole blocks are judged by their bits, which compilers vectorise.
+pub fn first_not_finite(values: &[f64]) -> Option<usize> {
     const EXPONENT: u64 = 0x7ff0_0000_0000_0000;
     let bad = |x: &f64| x.to_bits() & EXPONENT == EXPONENT;
     const BLOCK: usize = 256;
