@@ -321,3 +321,35 @@ impl Rank {
         HubError::Contract { who: self.who, during: during(kind, w), problem }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blocks of an output arrive complete and in order; the first bad number is named by its row, and nothing from its block on is read.
+    #[test]
+    fn outputs_are_read_up_to_the_block_of_a_bad_number() {
+        let n = 2 * CHECKED_ROWS + 3;
+        let rows: Vec<u64> = (0..n as u64).map(|row| 7 * row).collect();
+        let mut data: Vec<f64> = (0..3 * n).map(|i| i as f64).collect();
+        let read = |data: &[f64]| {
+            let (mut of_rows, mut of_data) = (Vec::new(), Vec::new());
+            let end = read_finite(&rows, data, 3, &mut |rows, data| {
+                of_rows.extend_from_slice(rows);
+                of_data.extend_from_slice(data);
+            });
+            (end, of_rows, of_data)
+        };
+        assert_eq!(read(&data), (Ok(()), rows.clone(), data.clone()));
+        assert_eq!(
+            read(&[]),
+            (Ok(()), rows.clone(), Vec::new()),
+            "a grid that does not pass through the coupler"
+        );
+        let row = CHECKED_ROWS + 5;
+        data[3 * row + 1] = f64::NAN;
+        let (end, of_rows, of_data) = read(&data);
+        assert_eq!(end, Err(format!("output row {} holds NaN", 7 * row)));
+        assert_eq!((of_rows.len(), of_data.len()), (CHECKED_ROWS, 3 * CHECKED_ROWS));
+    }
+}
