@@ -103,6 +103,28 @@ fn flow_reads_the_grid_of_the_same_iteration_in_place() {
     threads.into_iter().for_each(|t| assert_eq!(t.join().expect("no panic").expect("a good end").windows, 1));
 }
 
+/// Memory of earlier messages is used again: a number that is not written is found in any window, never the one of an earlier window.
+#[test]
+fn number_that_is_not_written_is_found_in_memory_used_again() {
+    let roles = [(Structure, 1)];
+    let session = name("unwritten");
+    let threads = spawn_all(&session, &roles);
+    let mut hub = open(options(&session, &roles)).expect("a handshake");
+    for iteration in 0..12 {
+        hub.advance(Structure, &window(0, iteration), &mut |x| x.fill(1.0)).expect("sent");
+        hub.collect(Structure, &mut |_, _| {}, &mut time_limit()).expect("an answer");
+    }
+    let all_but_one = &mut |x: &mut [f64]| {
+        let last = x.len() - 1;
+        x[..last].fill(1.0);
+    };
+    let error =
+        hub.advance(Structure, &window(0, 12), all_but_one).expect_err("a number is missing").to_string();
+    assert!(error.contains("is NaN") && error.contains("was not written"), "{error}");
+    drop(hub);
+    threads.into_iter().for_each(|t| assert!(t.join().expect("no panic").is_err(), "it is told of the end"));
+}
+
 #[test]
 fn coupler_can_watch_the_grid() {
     let roles = [(Mesh, 2)];
