@@ -409,6 +409,10 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         self.solver.topology.node_global.clone()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.solver.comm().waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let _part = timing::part("advance");
         let clock = Clock::now();

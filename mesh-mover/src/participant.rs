@@ -454,6 +454,10 @@ impl Participant for MeshMover {
         self.motion.grid.nodes.owned().to_vec()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.motion.grid.comm().waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let _part = timing::part("advance");
         let clock = Instant::now();

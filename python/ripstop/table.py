@@ -145,6 +145,7 @@ STATISTICS = {
         "membrane_force_over_strength": 41,
         "membrane_force_over_strength_99": 42,
         "prescribed_work": 43,
+        "waited_s": 44,
     },
     "flow": {
         "force_x": 0,
@@ -166,6 +167,7 @@ STATISTICS = {
         "residual_target": 16,
         "unconverged": 17,
         "turbulence_residual": 18,
+        "waited_s": 44,
     },
     "mesh": {
         "min_quality": 0,
@@ -178,5 +180,6 @@ STATISTICS = {
         "new_grids": 7,
         "nearest_node": 8,
         "residual_target": 9,
+        "waited_s": 44,
     },
 }

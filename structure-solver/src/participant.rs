@@ -392,6 +392,10 @@ impl Participant for StructureSolver {
         self.dynamics.system.model.numbering.owned().iter().filter(canopy).copied().collect()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.dynamics.system.comm().waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let _part = timing::part("advance");
         let start = Instant::now();

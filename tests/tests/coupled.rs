@@ -153,4 +153,18 @@ fn results_depend_on_rank_counts_within_solver_tolerance() {
             }
         }
     }
+    // Each program reports what its ranks waited for each other, within its computing time.
+    for n in [1, 2, 3] {
+        let text = std::fs::read_to_string(folder.path().join(n.to_string()).join("summary.json"));
+        let summary: serde_json::Value = serde_json::from_str(&text.expect("a summary")).expect("JSON");
+        let stage = summary["stages"].as_array().and_then(|s| s.last()).expect("a stage");
+        for (role, busy) in ["structure_busy_s", "flow_busy_s", "mesh_busy_s"].into_iter().enumerate() {
+            let waited = stage["rank_waiting_s"][role].as_f64().expect("a number");
+            let busy = stage[busy].as_f64().expect("a number");
+            assert!(
+                if n == 1 { waited == 0.0 } else { waited > 0.0 && waited < busy },
+                "{n} ranks: {waited} of {busy}"
+            );
+        }
+    }
 }

@@ -58,7 +58,8 @@ fn fails(mut run: Command) -> (Option<i32>, String) {
 }
 
 fn is_wall(key: &str) -> bool {
-    let of_the_machine = ["coupler_s", "waiting_s", "cpu_s", "peak_memory_bytes"];
+    let of_the_machine =
+        ["coupler_s", "waiting_s", "rank_waiting_s", "rank_advice", "cpu_s", "peak_memory_bytes"];
     key.ends_with("wall_s") || key.ends_with("busy_s") || of_the_machine.contains(&key)
 }
 

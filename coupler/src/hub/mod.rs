@@ -11,7 +11,7 @@ use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use case::Role;
-use channel::{Arrivals, Hub, HubError, HubOptions, Interface, RoleOptions, Stats, Window};
+use channel::{Arrivals, Hub, HubError, HubOptions, Interface, RoleOptions, Stats, Window, flow_stats};
 use coupling::error::{Location, RunError};
 use coupling::interface::CanopyInterface;
 use coupling::partners::{SolverResponse, Usage};
@@ -212,11 +212,40 @@ impl<'a> HubPartners<'a> {
             hub.advance(role, w, fill)?;
             hub.collect(role, each, &mut || watch.check())
         })?;
-        // Values are the same on each rank; the slowest rank decides the time.
-        let busy_s = stats.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
-        let stats = Stats { busy_s, ..stats.first().copied().unwrap_or_default() };
-        Ok(SolverResponse { stats, wall_s: start.elapsed().as_secs_f64() })
+        Ok(SolverResponse { stats: of_program(&stats), wall_s: start.elapsed().as_secs_f64() })
     }
+}
+
+/// Statistics of a program from those of its ranks. Values are the same on each rank, but for the time of waiting, whose mean
+/// counts; the slowest rank decides the time of the program.
+fn of_program(ranks: &[Stats]) -> Stats {
+    let mut of_all = ranks.first().copied().unwrap_or_default();
+    of_all.busy_s = ranks.iter().fold(0.0, |most: f64, s| most.max(s.busy_s));
+    // At the same index for all roles.
+    let waited_s = ranks.iter().map(|s| s.values[flow_stats::WAITED_S]).sum::<f64>();
+    of_all.values[flow_stats::WAITED_S] = waited_s / ranks.len().max(1) as f64;
+    of_all
+}
+
+#[cfg(test)]
+#[test]
+fn statistics_of_a_program_have_the_slowest_time_and_the_mean_of_waiting() {
+    let rank = |busy_s: f64, waited_s: f64| {
+        let mut stats = Stats { busy_s, ..Stats::default() };
+        stats.values[flow_stats::ITERATIONS] = 7.0;
+        stats.values[flow_stats::WAITED_S] = waited_s;
+        stats
+    };
+    let all = of_program(&[rank(2.0, 0.25), rank(2.5, 0.75)]);
+    assert_eq!(
+        (all.busy_s, all.values[flow_stats::WAITED_S], all.values[flow_stats::ITERATIONS]),
+        (2.5, 0.5, 7.0)
+    );
+    assert_eq!(
+        [channel::structure_stats::WAITED_S, channel::mesh_stats::WAITED_S],
+        [flow_stats::WAITED_S; 2]
+    );
+    assert_eq!(of_program(&[]), Stats::default());
 }
 
 /// Options of the hub for these programs and the interface.

@@ -21,6 +21,7 @@ use coupling::interface::CanopyInterface;
 use coupling::schemes::InterfaceState;
 use figures::plot;
 use results::progress::StageProgress;
+use results::rank_advice::RankAdvice;
 use results::state;
 use results::summary::{COMPLETE, RUNNING, RunSummary, StageSummary};
 use results::timings::StageTimings;
@@ -140,6 +141,7 @@ impl<'a> Run<'a> {
         let warnings = summary.convergence.stage_warnings(&summary.name, summary.windows);
         warnings.iter().for_each(|text| self.console.warning(text));
         summary.assess(&folder.join("history.csv"), context.scene, context.interface);
+        summary.rank_advice = self.rank_advice(stage, &summary);
         let overloaded = summary.safety_factors.iter().filter_map(|f| f.warning(&summary.name));
         overloaded.for_each(|text| self.console.warning(&text));
         let of_loads = [
@@ -179,6 +181,16 @@ impl<'a> Run<'a> {
         self.summary.stages.push(summary);
         self.write_summary(RUNNING)?;
         ended
+    }
+
+    /// Advice on the ranks of a stage that ran as a whole, on this machine.
+    fn rank_advice(&self, stage: usize, summary: &StageSummary) -> Option<RankAdvice> {
+        let resumed = self.resume.as_ref().is_some_and(|r| r.stage == stage && r.within.is_some());
+        if resumed || !self.options.mpirun.is_empty() {
+            return None;
+        }
+        let replaced: Vec<Role> = self.options.programs.iter().map(|(role, _)| *role).collect();
+        RankAdvice::of(summary, &self.prepared.views[stage], self.summary.machine.threads, &replaced)
     }
 
     fn context(&self, stage: usize) -> StageContext<'_> {

@@ -11,6 +11,7 @@ use results::forced_oscillation::{Derivatives, ForcedOscillation};
 use results::history;
 use results::opening::{Opening, OpeningReference};
 use results::pendulum::PendulumSwing;
+use results::rank_advice::RankAdvice;
 use results::recording::compare::FIELDS;
 use results::settled::SettledMean;
 use results::strength::SafetyFactor;
@@ -42,6 +43,7 @@ const STRUCTS: &[(&str, &str)] = &[
     ("ForcedOscillation", "crates/results/src/forced_oscillation.rs"),
     ("Derivatives", "crates/results/src/forced_oscillation.rs"),
     ("Opening", "crates/results/src/opening.rs"),
+    ("RankAdvice", "crates/results/src/rank_advice.rs"),
     ("SettledMean", "crates/results/src/settled.rs"),
     ("SafetyFactor", "crates/results/src/strength.rs"),
     ("Convergence", "crates/coupling/src/convergence.rs"),
@@ -270,6 +272,7 @@ fn summary() -> RunSummary {
         factor_99: None,
         required: None,
     }];
+    stage.rank_advice = Some(RankAdvice { ranks: [1, 2, 1], wall_ratio: [0.6, 0.7] });
     let part = timing::Part { path: vec!["advance".into()], calls: 1, seconds: 1.0 };
     RunSummary {
         scene: scene.name.clone(),

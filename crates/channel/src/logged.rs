@@ -80,6 +80,10 @@ impl Participant for Logged<'_> {
         self.participant.grid_rows()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.participant.waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let start = Instant::now();
         let result = self.participant.advance(w, input, output);

@@ -38,7 +38,7 @@ pub struct Stats {
     /// Wall seconds that the rank computed the response.
     pub busy_s: f64,
     /// Meaning by role: [`structure_stats`], [`flow_stats`], [`mesh_stats`].
-    /// Global values, the same on each rank.
+    /// Global values, the same on each rank, but for `WAITED_S`.
     pub values: [f64; STATS],
 }
 
@@ -133,6 +133,9 @@ pub mod structure_stats {
     /// Part of `WORK` that comes from neither load nor gravity, J: of prescribed motions, of constant forces on nodes, of reefing lines that are drawn in or cut; all
     /// relative to the frame. 0: none, or not reported.
     pub const PRESCRIBED_WORK: usize = 43;
+    /// Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each
+    /// rank, unlike the other statistics. 0: one rank, or not reported.
+    pub const WAITED_S: usize = 44;
 }
 
 /// Indices into [`Stats::values`] of the flow.
@@ -172,6 +175,9 @@ pub mod flow_stats {
     pub const UNCONVERGED: usize = 17;
     /// Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved.
     pub const TURBULENCE_RESIDUAL: usize = 18;
+    /// Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each
+    /// rank, unlike the other statistics. 0: one rank, or not reported.
+    pub const WAITED_S: usize = 44;
 }
 
 /// Indices into [`Stats::values`] of the mesh mover.
@@ -197,4 +203,7 @@ pub mod mesh_stats {
     pub const NEAREST_NODE: usize = 8;
     /// Value of `RESIDUAL` at which the response counts as converged. 0: not stated, so not judged.
     pub const RESIDUAL_TARGET: usize = 9;
+    /// Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each
+    /// rank, unlike the other statistics. 0: one rank, or not reported.
+    pub const WAITED_S: usize = 44;
 }

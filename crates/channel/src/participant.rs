@@ -98,6 +98,12 @@ pub trait Participant {
         Vec::new()
     }
 
+    /// Seconds since the start in which this rank waited for other ranks of its program, their messages included
+    /// (`WAITED_S` of [`Stats::values`] is the difference over a response). 0: one rank, or not measured.
+    fn waited_s(&self) -> f64 {
+        0.0
+    }
+
     /// Computes window `w` from the state of the last accepted window.
     ///
     /// `output` is this rank's slice of shared memory, shape

@@ -8,7 +8,7 @@ use case::Role;
 use crate::header::{COUPLER, Kind, Unit, text_words, unpack_text};
 use crate::membership::Membership;
 use crate::proxied_rank::ProxiedRank;
-use crate::serve::{Identity, TEXT_WORDS, finite, guarded};
+use crate::serve::{Identity, ResponseClock, TEXT_WORDS, finite, guarded};
 use crate::transport::{Loan, Message, Receiver, Sender};
 use crate::watchdog::disarm_watchdogs;
 use crate::windows::WindowOrder;
@@ -279,12 +279,12 @@ impl RankServer {
             Input { canopy: command.payload(), grid: Grid { pieces: &pieces, index: &self.link.index } };
         let width = Unit::of_output(self.member.at.role).width();
         let mut loan = self.loan()?;
-        let start = Instant::now();
+        let clock = ResponseClock::start(participant);
         let result = guarded(|| participant.advance(w, &input, loan.payload()))
             .and_then(|stats| finite(loan.payload(), &self.output_rows, width, &stats).map(|()| stats));
         match result {
             Ok(mut stats) => {
-                stats.busy_s = start.elapsed().as_secs_f64();
+                clock.stop(participant, &mut stats);
                 self.publish(loan, w, stats)
             }
             Err(fault) => {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::header::Kind;
 use crate::relay::{Frame, Peers, receive};
-use crate::serve::{Identity, finite, guarded};
+use crate::serve::{Identity, ResponseClock, finite, guarded};
 use crate::wire::during;
 use crate::{Fault, Grid, Input, Participant, ServeEnd, ServeError, ServeOptions, Window};
 
@@ -116,11 +116,11 @@ impl<'a> RemoteRank<'a> {
         let output = &mut self.answer.first;
         output.clear();
         output.resize(output_rows.len() * width, f64::NAN);
-        let start = Instant::now();
+        let clock = ResponseClock::start(participant);
         let computed = guarded(|| participant.advance(&w, &input, output))
             .and_then(|stats| finite(output, output_rows, width, &stats).map(|()| stats));
         self.answer.stats = computed.map_err(|fault| self.channel.fail(&self.step, fault))?;
-        self.answer.stats.busy_s = start.elapsed().as_secs_f64();
+        clock.stop(participant, &mut self.answer.stats);
         self.answer.window = w;
         self.channel.send(&self.answer);
         Ok(())

@@ -1,7 +1,7 @@
 //! Serving a rank of a participant: its placement, the handshake, the windows.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use case::Role;
 
@@ -15,7 +15,7 @@ use crate::remote_rank::serve_remote;
 use crate::session::panic_fault;
 use crate::watchdog::Watchdog;
 use crate::wire::first_not_finite;
-use crate::{Announcement, Fault, Participant, ServeError, Stats};
+use crate::{Announcement, Fault, Participant, ServeError, Stats, flow_stats};
 
 /// Identity of the rank to serve.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,6 +147,29 @@ pub fn report(at: &ServeOptions, fault: &Fault) {
 /// Runs a call of the participant; a panic becomes a fault.
 pub(crate) fn guarded<T>(call: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
     catch_unwind(AssertUnwindSafe(call)).unwrap_or_else(|panic| Err(panic_fault(panic)))
+}
+
+/// Measures what a response costs its rank.
+pub(crate) struct ResponseClock {
+    start: Instant,
+    waited_s: f64,
+}
+
+impl ResponseClock {
+    pub fn start(participant: &dyn Participant) -> Self {
+        Self { start: Instant::now(), waited_s: participant.waited_s() }
+    }
+
+    /// Writes the seconds since the start, and those of waiting for other ranks where the participant measures them: others
+    /// may have reported them in their own way.
+    pub fn stop(&self, participant: &dyn Participant, stats: &mut Stats) {
+        stats.busy_s = self.start.elapsed().as_secs_f64();
+        let waited_s = participant.waited_s() - self.waited_s;
+        if waited_s > 0.0 {
+            // At the same index for all roles.
+            stats.values[flow_stats::WAITED_S] = waited_s;
+        }
+    }
 }
 
 /// Announcement and layout of a participant.

@@ -67,6 +67,7 @@ module ripstop
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH = 42  ! 1
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 43  ! 1
   integer(c_int), parameter :: RIPSTOP_STRUCTURE_PRESCRIBED_WORK = 44  ! J
+  integer(c_int), parameter :: RIPSTOP_STRUCTURE_WAITED_S = 45  ! s
   integer(c_int), parameter :: RIPSTOP_FLOW_FORCE = 1  ! N
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_START = 4  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_END = 5  ! 1
@@ -82,6 +83,7 @@ module ripstop
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_TARGET = 17  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_UNCONVERGED = 18  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_TURBULENCE_RESIDUAL = 19  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_WAITED_S = 45  ! s
   integer(c_int), parameter :: RIPSTOP_MESH_MIN_QUALITY = 1  ! 1
   integer(c_int), parameter :: RIPSTOP_MESH_ITERATIONS = 2  ! 1
   integer(c_int), parameter :: RIPSTOP_MESH_INCREMENTS = 3  ! 1
@@ -92,6 +94,7 @@ module ripstop
   integer(c_int), parameter :: RIPSTOP_MESH_NEW_GRIDS = 8  ! 1
   integer(c_int), parameter :: RIPSTOP_MESH_NEAREST_NODE = 9  ! 1
   integer(c_int), parameter :: RIPSTOP_MESH_RESIDUAL_TARGET = 10  ! 1
+  integer(c_int), parameter :: RIPSTOP_MESH_WAITED_S = 45  ! s
 ! end of constants
 
   type, bind(c) :: ripstop_window

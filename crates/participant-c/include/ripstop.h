@@ -91,7 +91,8 @@ enum {
     RIPSTOP_STRUCTURE_AIR_FORCE = 38, /* Force of the air on lines and a payload that moves in the frame, N: 38, 39, 40; read where the scene has lines.drag or descent.body. */
     RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH = 41, /* Largest membrane force over the strength of its cloth at the end of the window, where cloths of a mesh file have strengths of their own. 0: no tension, no strength, or not reported. */
     RIPSTOP_STRUCTURE_MEMBRANE_FORCE_OVER_STRENGTH_99 = 42, /* Membrane force over strength that 99 % of the unstressed area with a strength does not exceed, as MEMBRANE_FORCE_OVER_STRENGTH. */
-    RIPSTOP_STRUCTURE_PRESCRIBED_WORK = 43 /* Part of WORK that comes from neither load nor gravity, J: of prescribed motions, of constant forces on nodes, of reefing lines that are drawn in or cut; all relative to the frame. 0: none, or not reported. */
+    RIPSTOP_STRUCTURE_PRESCRIBED_WORK = 43, /* Part of WORK that comes from neither load nor gravity, J: of prescribed motions, of constant forces on nodes, of reefing lines that are drawn in or cut; all relative to the frame. 0: none, or not reported. */
+    RIPSTOP_STRUCTURE_WAITED_S = 44 /* Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each rank, unlike the other statistics. 0: one rank, or not reported. */
 };
 
 /* Indices into `statistics` of the flow. The numbers of a vector follow each other: x, y, z. */
@@ -110,7 +111,8 @@ enum {
     RIPSTOP_FLOW_NO_ANSWER = 15, /* Not 0: the solve failed (1: the iterations diverged, 2: an unphysical state, 3: a cell of the moved grid without volume, 4: the iteration limit was reached before the residual was halved). The flow keeps its last accepted state, and the coupler rejects the window or ends the run. */
     RIPSTOP_FLOW_RESIDUAL_TARGET = 16, /* Value of RESIDUAL_END at which the response counts as converged: the residual drop of a step in the scene. 0: not stated, so not judged. */
     RIPSTOP_FLOW_UNCONVERGED = 17, /* Flow solves of this response that ended above their own target; repeated solves within a window may have a smaller one than RESIDUAL_TARGET. */
-    RIPSTOP_FLOW_TURBULENCE_RESIDUAL = 18 /* Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved. */
+    RIPSTOP_FLOW_TURBULENCE_RESIDUAL = 18, /* Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved. */
+    RIPSTOP_FLOW_WAITED_S = 44 /* Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each rank, unlike the other statistics. 0: one rank, or not reported. */
 };
 
 /* Indices into `statistics` of the mesh. The numbers of a vector follow each other: x, y, z. */
@@ -124,7 +126,8 @@ enum {
     RIPSTOP_MESH_STUCK = 6, /* Not 0: the grid motion failed. The grid keeps its last accepted state, and MIN_QUALITY and WORST_CELL (-1: none) describe the best attempt. The coupler then rejects the window, or saves and ends the run. */
     RIPSTOP_MESH_NEW_GRIDS = 7, /* New grids built so far to replace bad ones. */
     RIPSTOP_MESH_NEAREST_NODE = 8, /* Where the grid motion failed: the canopy node nearest to the worst cell; -1: none. */
-    RIPSTOP_MESH_RESIDUAL_TARGET = 9 /* Value of RESIDUAL at which the response counts as converged. 0: not stated, so not judged. */
+    RIPSTOP_MESH_RESIDUAL_TARGET = 9, /* Value of RESIDUAL at which the response counts as converged. 0: not stated, so not judged. */
+    RIPSTOP_MESH_WAITED_S = 44 /* Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each rank, unlike the other statistics. 0: one rank, or not reported. */
 };
 /* end of constants */
 

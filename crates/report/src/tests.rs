@@ -54,6 +54,21 @@ fn folder_without_a_run_is_refused_with_the_reason() {
 }
 
 #[test]
+fn wall_time_has_the_advice_on_ranks() {
+    let run = folder(&[("descent", FALL)]);
+    let scene = case::load(&run.path().join("scene.toml")).unwrap();
+    let mut stage = results::summary::StageSummary::new(scene.stages.last().unwrap());
+    (stage.wall_s, stage.flow_busy_s) = (20.0, 15.0);
+    stage.rank_advice =
+        Some(results::rank_advice::RankAdvice { ranks: [1, 2, 1], wall_ratio: [0.625, 0.79] });
+    let summary = serde_json::json!({ "ended": "complete", "ranks": [1, 1, 1], "stages": [stage] });
+    std::fs::write(run.path().join("summary.json"), summary.to_string()).unwrap();
+    let page = page(run.path());
+    let text = "descent: ranks: the others wait for the flow-solver in 75 % of the wall time; --ranks flow=2 would take 0.62 to 0.79";
+    assert!(page.contains(text), "{page}");
+}
+
+#[test]
 fn page_of_one_stage_names_the_missing_data() {
     let run = folder(&[("pre-inflation", STRUCTURE)]);
     let page = page(run.path());

@@ -1,5 +1,7 @@
 //! Wall time by program, and by the timed parts of each program.
 
+use results::rank_advice;
+use results::summary::StageSummary;
 use results::timings::StageTimings;
 use serde_json::Value;
 use terminal::clock;
@@ -52,9 +54,20 @@ pub(super) fn section(run: &Run) -> Section {
             }),
         ]
         .into_iter()
+        .chain(ranks(run))
         .chain(parts_of_programs(run))
         .collect(),
     }
+}
+
+/// Which program the others wait for, and what other ranks would change.
+fn ranks(run: &Run) -> Option<Block> {
+    let summary = run.summary.as_ref()?;
+    let launched: [u32; 3] = serde_json::from_value(summary.get("ranks")?.clone()).ok()?;
+    let stages = summary.get("stages")?.as_array()?.iter();
+    let stages = stages.filter_map(|s| serde_json::from_value::<StageSummary>(s.clone()).ok());
+    let lines: Vec<_> = stages.filter_map(|s| rank_advice::line(&s, launched)).collect();
+    (!lines.is_empty()).then_some(Block::List(lines))
 }
 
 /// A table for each stage whose summary contains timings.

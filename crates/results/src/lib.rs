@@ -24,6 +24,7 @@ pub mod pooled;
 pub mod program;
 pub mod progress;
 pub mod provenance;
+pub mod rank_advice;
 pub mod recording;
 mod row_file;
 pub mod run_state;

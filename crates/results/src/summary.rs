@@ -17,6 +17,7 @@ use crate::finding::Finding;
 use crate::forced_oscillation::ForcedOscillation;
 use crate::history::Row;
 use crate::opening::{Opening, OpeningReference};
+use crate::rank_advice::{self, RankAdvice};
 use crate::settled::SettledMean;
 use crate::strength::SafetyFactor;
 use crate::timings::StageTimings;
@@ -64,6 +65,14 @@ pub struct StageSummary {
     pub coupler_s: f64,
     /// Wall time of waiting for messages and cores, s.
     pub waiting_s: f64,
+    /// Of structure, flow and mesh, within their computing time: mean over the ranks of the time in which they waited for each
+    /// other and for their messages, s. 0: one rank, or not reported.
+    #[serde(default)]
+    pub rank_waiting_s: [f64; 3],
+    /// Numbers of ranks on which the stage is expected to be faster; `None` where none gains 5 % or it was not assessed: below
+    /// 10 s, after a restart within the stage, on several hosts.
+    #[serde(default)]
+    pub rank_advice: Option<RankAdvice>,
     /// Coupling iterations over all windows.
     pub iterations: u64,
     /// Structure solves over all windows.
@@ -208,6 +217,8 @@ impl StageSummary {
             mesh_busy_s: 0.0,
             coupler_s: 0.0,
             waiting_s: 0.0,
+            rank_waiting_s: [0.0; 3],
+            rank_advice: None,
             iterations: 0,
             structure_solves: 0,
             flow_solves: 0,
@@ -314,6 +325,16 @@ impl StageSummary {
         })
     }
 
+    /// Computing time of a program, s.
+    pub fn busy_s(&self, role: Role) -> f64 {
+        [self.structure_busy_s, self.flow_busy_s, self.mesh_busy_s][role as usize]
+    }
+
+    /// Solves of a program; those of the mesh are counted as those of the flow, before each of which it moves the grid.
+    pub fn solves(&self, role: Role) -> u64 {
+        [self.structure_solves, self.flow_solves, self.flow_solves][role as usize]
+    }
+
     /// Stability derivatives in words.
     fn oscillation_lines(&self) -> impl Iterator<Item = String> + '_ {
         let lines = self.forced_oscillation.iter().flat_map(ForcedOscillation::lines);
@@ -345,6 +366,10 @@ impl StageSummary {
         self.flow_solves += report.solves[Role::Flow as usize];
         self.flow_iterations += report.flow_iterations as u64;
         let sum = |role: Role, at: usize| report.sums[role as usize].values[at] as u64;
+        for (waiting, sums) in self.rank_waiting_s.iter_mut().zip(&report.sums) {
+            // At the same index for all roles.
+            *waiting += sums.values[flow_stats::WAITED_S];
+        }
         self.structure_steps += sum(Role::Structure, structure_stats::NEWTON_STEPS);
         self.structure_linear_iterations += sum(Role::Structure, structure_stats::GMRES_ITERATIONS);
         self.flow_linear_iterations += sum(Role::Flow, flow_stats::LINEAR_ITERATIONS);
@@ -551,6 +576,8 @@ impl RunSummary {
         lines.extend(self.stages.iter().flat_map(StageSummary::oscillation_lines));
         lines.extend(self.smallest_safety_factors());
         lines.extend(self.stages.iter().filter_map(StageSummary::structure_cost));
+        let ranks = self.stages.iter().filter_map(|s| rank_advice::line(s, self.ranks));
+        lines.extend(ranks.map(|line| format!("  {line}")));
         lines.extend(self.inspection.iter().map(|f| format!("  before the run: {}", f.line())));
         lines.extend(self.warnings.iter().map(|text| format!("  warning: {text}")));
         for s in &self.stages {

@@ -601,6 +601,10 @@ impl Participant for ImmersedParticipant {
         (self.faces.start as u64..self.faces.end as u64).collect()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.ranks.0.waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let _part = timing::part("advance");
         let clock = Clock::now();

@@ -109,6 +109,10 @@ impl Participant for Saboteur<'_> {
         self.inner.grid_rows()
     }
 
+    fn waited_s(&self) -> f64 {
+        self.inner.waited_s()
+    }
+
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
         let due = w.index == WINDOW;
         let mut spoil = due && self.harm("window")?;
@@ -204,6 +208,10 @@ impl Participant for Wrong<'_> {
 
     fn grid_rows(&self) -> Vec<u64> {
         self.inner.grid_rows()
+    }
+
+    fn waited_s(&self) -> f64 {
+        self.inner.waited_s()
     }
 
     fn advance(&mut self, w: &Window, input: &Input<'_>, output: &mut [f64]) -> Result<Stats, Fault> {
