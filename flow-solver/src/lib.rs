@@ -51,5 +51,5 @@ pub use loads::{FaceLoad, Loads, Total};
 pub use participant::{FlowParticipant, participant};
 pub use self_test::self_test;
 pub use snapshot::Snapshots;
-pub use solver::{Method, Report, Settings, Solver, Step, WarmStart};
+pub use solver::{CouplingIterations, Method, Report, Settings, Solver, Step, WarmStart};
 pub use surface_force::{Coefficients, ForceSum, Surfaces, Watched};

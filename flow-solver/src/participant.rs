@@ -18,7 +18,7 @@ use crate::physics::{
 use crate::residual::Spatial;
 use crate::setup::Setup;
 use crate::snapshot::Snapshots;
-use crate::solver::{Report, Solver, Step};
+use crate::solver::{CouplingIterations, Report, Solver, Step};
 use crate::state;
 use crate::steady::{self, March};
 use crate::surface_force::Watched;
@@ -385,18 +385,18 @@ impl<G: Gas<N>, const N: usize> Participant for FlowParticipant<G, N> {
         let s = &self.solver;
         let (cells, nodes) = self.totals;
         let moves = if s.settings.moving { "moves with the canopy" } else { "is fixed" };
+        let repeated = s.settings.coupling.map_or_else(String::new, |c| {
+            let CouplingIterations { drop, sufficient } = c;
+            format!(", in repeated solves of a window {drop:.1e}, or to {sufficient:.1e} of the residual at its start")
+        });
         vec![
             format!(
                 "fitted grid of {cells} cells and {nodes} nodes that {moves}; {} cells on this rank",
                 s.topology.n_owned
             ),
             format!(
-                "{:?}; {:?}; residual drop {:.1e}, in repeated solves of a window {:.1e}, at most {} iterations",
-                s.spatial.viscosity,
-                s.settings.method,
-                s.settings.residual_drop,
-                s.settings.repeated_drop,
-                s.settings.max_iterations
+                "{:?}; {:?}; residual drop {:.1e}{repeated}, at most {} iterations",
+                s.spatial.viscosity, s.settings.method, s.settings.residual_drop, s.settings.max_iterations
             ),
         ]
     }

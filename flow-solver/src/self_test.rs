@@ -87,7 +87,7 @@ fn settings() -> Settings {
         air: Air::new(1.225, 288.15),
         wind: Vec3::new(0.5, 0.0, 4.0),
         residual_drop: 1e-11,
-        repeated_drop: 1e-11,
+        coupling: None,
         max_iterations: 80,
         method: Method::PressureCorrection { depth: 8 },
         reference_speed: 0.4,

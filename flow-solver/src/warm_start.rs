@@ -13,7 +13,7 @@ use crate::solver::WarmStart;
 use crate::topology::Topology;
 
 const MAGIC: [u8; 8] = *b"ripflmem";
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Warm-start data of one rank.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -33,6 +33,43 @@ impl Target {
     }
 }
 
+/// Residual of a step on a moving grid that must drop, over that at its start.
+const OF_THE_START: f64 = 0.1;
+/// The same for a change of the input, over the residual that it causes.
+const OF_A_CHANGE: f64 = 0.1;
+/// Smallest change of the input that is resolved, by the residual that it causes over that at the start of the step.
+const SMALLEST_CHANGE: f64 = 1e-3;
+/// Solves of a window that may be no more precise than its tolerance, where these were enough for the window before: windows that need
+/// more amplify errors of the flow.
+pub(super) const LOOSE_SOLVES: usize = 2;
+
+impl Settings {
+    /// Residual, N, at which a solve ends that begins at `first`, in a step that began at `start`; `repetition`: solves of the same step
+    /// before this one; `few`: the step before needed few solves.
+    ///
+    /// A solve on a moved grid answers a change of the input, whose effect must be larger than what the solve leaves; otherwise noise of the
+    /// solver dominates the coupling iterations. No solve ends above the tolerance of the step, $`d \cdot 0.1\, r_\text{start}`$. The first of
+    /// several solves resolves its change ten times less finely, because the next ones correct it, and the first two end at what suffices
+    /// for the tolerance of the coupling; both only after a step of few solves.
+    fn residual_to_reach(&self, repetition: usize, few: bool, moved: bool, first: f64, start: f64) -> f64 {
+        let drop = match self.coupling {
+            Some(c) if repetition > 0 => c.drop,
+            _ => self.residual_drop,
+        };
+        if !moved {
+            return drop * start;
+        }
+        let finest = drop * SMALLEST_CHANGE;
+        let (change, least) = match self.coupling {
+            Some(c) if few && repetition == 0 => (first, c.sufficient),
+            Some(c) if few && repetition < LOOSE_SOLVES => (OF_A_CHANGE * first, c.sufficient),
+            _ => (OF_A_CHANGE * first, finest),
+        };
+        let most = drop * OF_THE_START;
+        (drop * change).clamp(least.clamp(finest, most) * start, most * start)
+    }
+}
+
 /// Residual at the start of a step over that of round-off, from which on round-off limits the tolerance, not the start.
 const FAR_ABOVE_ROUND_OFF: f64 = 1e6;
 
@@ -142,6 +179,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Corrects the state until the residual of the step has dropped to its target. Collective.
     pub(super) fn iterate(&mut self, step: &Step, order: Backward) -> Result<Report, FlowError> {
         let _part = timing::part("iteration");
+        self.repetition = if step.repeat { self.repetition + 1 } else { 0 };
         let first = self.initial_guess(step, order);
         let target = self.target(step, first);
         let solved = self.solve(step, first, &target)?;
@@ -195,19 +233,14 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
 
     /// Residuals that the step is to reach from `first`, N. Collective.
     fn target(&self, step: &Step, first: f64) -> Target {
-        let Settings { residual_drop, repeated_drop, .. } = self.settings;
-        let drop = if step.repeat { repeated_drop } else { residual_drop };
-        // In a coupled step the residual must be small against the effect of the last change of the
-        // input; otherwise solver noise dominates the coupling iterations.
-        let scale =
-            if step.moved { (0.1 * first).clamp(1e-3 * self.start, 0.1 * self.start) } else { self.start };
         // Below this the residual is round-off of the fluxes themselves.
         let round_off = self.round_off();
-        let asked = drop * scale;
+        let few = self.few_solves_before;
+        let asked = self.settings.residual_to_reach(self.repetition, few, step.moved, first, self.start);
         let residual = asked.max(round_off);
         // Tolerance of the scene for the step, independent of the size of the last change.
-        let least = if step.moved { 0.1 * self.start } else { self.start };
-        Target { residual, tolerance: (residual_drop * least).max(residual), round_off, asked }
+        let least = if step.moved { OF_THE_START * self.start } else { self.start };
+        Target { residual, tolerance: (self.settings.residual_drop * least).max(residual), round_off, asked }
     }
 
     /// Corrections from an initial guess with the residual `first`, N, with backtracking, until the target or
@@ -407,3 +440,63 @@ const VISCOUS_WEIGHT: f64 = 3.0;
 
 /// Turns the temperature residual (kg K/s) into a force: c_p / c, m/(s K).
 const TEMPERATURE_WEIGHT: f64 = 3.0;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::Air;
+
+    /// Targets on a grid that has moved, by formulas of [`Settings::residual_to_reach`].
+    #[test]
+    fn residual_to_reach_follows_from_what_is_needed() {
+        let coupling = |drop, sufficient| Some(CouplingIterations { drop, sufficient });
+        let after = |few, coupling, repetition, moved, first: f64| {
+            settings(coupling).residual_to_reach(repetition, few, moved, first, 200.0) / 200.0
+        };
+        let target = |coupling, repetition, moved, first| after(true, coupling, repetition, moved, first);
+        let assert_is = |found: f64, expected: f64| {
+            assert!((found / expected - 1.0).abs() < 1e-12, "{found:e}, not {expected:e}")
+        };
+        let changes = |coupling, repetition, cases: [(f64, f64); 3]| {
+            for (first, expected) in cases {
+                assert_is(target(coupling, repetition, true, first), expected);
+            }
+        };
+        // A step that is solved once.
+        changes(None, 0, [(0.4, 1e-5), (20.0, 1e-4), (500.0, 1e-3)]);
+        // The first of several solves resolves a change ten times less finely. The first two end at what suffices.
+        let usual = coupling(1e-2, 2.5e-4);
+        changes(usual, 0, [(0.4, 2.5e-4), (10.0, 5e-4), (500.0, 1e-3)]);
+        changes(usual, 1, [(0.4, 2.5e-4), (100.0, 5e-4), (500.0, 1e-3)]);
+        changes(usual, 2, [(0.4, 1e-5), (100.0, 5e-4), (500.0, 1e-3)]);
+        // After a step of many solves all of them are as fine as that of a step that is solved once.
+        for repetition in 0..3 {
+            for (first, expected) in [(0.4, 1e-5), (20.0, 1e-4), (500.0, 1e-3)] {
+                assert_is(after(false, usual, repetition, true, first), expected);
+            }
+        }
+        // Close coupling: repeated solves have a drop of their own.
+        changes(coupling(1e-3, 5e-6), 1, [(0.4, 5e-6), (10.0, 5e-6), (100.0, 5e-5)]);
+        // What suffices is never finer than the smallest change, nor above the tolerance of the step.
+        changes(coupling(1e-2, 1e-9), 1, [(0.4, 1e-5), (20.0, 1e-4), (500.0, 1e-3)]);
+        assert_is(target(coupling(1e-6, 2.5e-4), 1, true, 1.0), 1e-7);
+        // A grid at rest: the drop from the start.
+        assert_is(target(coupling(1e-3, 5e-6), 0, false, 1.0), 1e-2);
+        assert_is(target(coupling(1e-3, 5e-6), 1, false, 1.0), 1e-3);
+    }
+
+    fn settings(coupling: Option<CouplingIterations>) -> Settings {
+        Settings {
+            air: Air::new(1.2, 288.0),
+            wind: Vec3::zeros(),
+            residual_drop: 1e-2,
+            coupling,
+            max_iterations: 60,
+            method: Method::PressureCorrection { depth: 5 },
+            reference_speed: 0.5,
+            velocity_diffusion: 0.0,
+            ambient_pressure: 0.0,
+            moving: true,
+        }
+    }
+}

@@ -40,8 +40,8 @@ pub struct Settings {
     pub wind: Vec3,
     /// The residual must fall by this factor.
     pub residual_drop: f64,
-    /// The same in repeated solves of a step (coupling iterations).
-    pub repeated_drop: f64,
+    /// What coupling iterations, which solve a step several times, need; `None` where a step is solved once.
+    pub coupling: Option<CouplingIterations>,
     /// Maximum number of iterations.
     pub max_iterations: usize,
     /// Correction method.
@@ -55,6 +55,15 @@ pub struct Settings {
     pub ambient_pressure: f64,
     /// Whether the grid moves. On a fixed grid, arrays for grid motion are not allocated.
     pub moving: bool,
+}
+
+/// Residuals at which the solves of a step end that coupling iterations repeat.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CouplingIterations {
+    /// The residual of a repeated solve must fall by this factor.
+    pub drop: f64,
+    /// Residual, in units of that at the start of the step, below which the load is more precise than the coupling iterations need.
+    pub sufficient: f64,
 }
 
 /// One step to be taken.
@@ -158,6 +167,10 @@ pub struct Solver<G, const N: usize> {
     /// Whether the Rhie-Chow fluxes have no history (first-order time difference).
     rhie_chow_is_reset: bool,
     start: f64,
+    /// Solves of the present step before this one.
+    repetition: usize,
+    /// Whether the last accepted step needed few solves.
+    few_solves_before: bool,
     /// State of owned cells with the smallest residual of the step, where a correction made
     /// it worse; empty until that happens for the first time.
     best: Vec<f64>,
@@ -254,6 +267,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             face_flux: vec![FaceFlux::default(); faces],
             rhie_chow_is_reset: true,
             start: 0.0,
+            repetition: 0,
+            few_solves_before: false,
             best: Vec::new(),
             correction,
             nonlinear_gmres: NonlinearGmres::new(depth, topology.n_owned * N),

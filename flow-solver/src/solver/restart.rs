@@ -20,6 +20,8 @@ pub struct WarmStart {
     pub merged: Option<MergedCells>,
     /// Of transported turbulence.
     pub walls: Option<WallDistances>,
+    /// Whether the last step needed few solves.
+    pub few_solves_before: bool,
 }
 
 impl WarmStart {
@@ -77,6 +79,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             rhie_chow_fluxes: self.face_flux.iter().map(|t| t.previous).collect(),
             merged: self.correction.merged(),
             walls: self.turbulence().map(SpalartAllmaras::walls),
+            few_solves_before: self.few_solves_before,
         }
     }
 
@@ -93,6 +96,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.correction.restore_state(merged, &self.topology.adjacency, &self.halo)?;
         }
         self.restore_rhie_chow(&warm.rhie_chow_fluxes);
+        self.few_solves_before = warm.few_solves_before;
         if let (Some(turbulence), Some(walls)) = (&mut self.turbulence, warm.walls) {
             turbulence.restore_state(walls);
         }

@@ -1,5 +1,6 @@
 //! One time step: from an accepted time level to the next.
 
+use super::iterate::LOOSE_SOLVES;
 use super::*;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
@@ -92,6 +93,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// The step becomes the state that later steps start from.
     pub fn accept(&mut self, dt: f64, moved: bool) {
         self.advance_turbulence(dt);
+        self.few_solves_before = self.repetition < LOOSE_SOLVES;
         self.last_dt = dt;
         self.first_order_steps = self.first_order_steps.saturating_sub(1);
         self.previous.swap(0, 1);

@@ -19,7 +19,7 @@ pub fn settings(wind: impl Into<Vec3>, drop: f64) -> Settings {
         air: Air::new(1.225, 288.15),
         wind,
         residual_drop: drop,
-        repeated_drop: drop,
+        coupling: None,
         max_iterations: 100,
         method: Method::PressureCorrection { depth: 5 },
         reference_speed: 0.1 * speed,

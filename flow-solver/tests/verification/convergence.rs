@@ -4,7 +4,7 @@ use crate::common::{at_rest, isothermal, settings};
 use flow_solver::geometry::vec3::Vec3;
 use flow_solver::physics::Laminar;
 use flow_solver::steady::March;
-use flow_solver::{FlowError, Loads, Method};
+use flow_solver::{CouplingIterations, FlowError, Loads, Method};
 
 const LU_SGS: Method = Method::LuSgs { courant: 1e3 };
 
@@ -52,7 +52,7 @@ fn lu_sgs_needs_more_iterations_than_pressure_corrections() {
 #[test]
 fn repeated_step_uses_the_tolerance_of_its_window() {
     let mut settings = settings([0.0, 0.0, 4.88], 1e-2);
-    settings.repeated_drop = 1e-4;
+    settings.coupling = Some(CouplingIterations { drop: 1e-4, sufficient: 1e-6 });
     let mut s = isothermal(&crate::plate::plate(4), Laminar { viscosity: 4.88 / 200.0 * 1.225 }, settings);
     let mut last = at_rest(0.02);
     last.moved = true;
