@@ -5,17 +5,20 @@
 //! cells that share it agree on its surface and every cell is closed exactly.
 //! A triangle repeats its last corner.
 
+use mesh::lanes::Real;
+use nalgebra::Vector3;
+
 use super::vec3::Vec3;
 
-/// Area vector and centre of a face at one time level.
+/// Area vector and centre of a face, or of each face of a batch, at one time level.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FaceShape {
+pub struct FaceShape<T: Real = f64> {
     /// Area vector, m2: exactly that of the boundary polygon.
-    pub area: Vec3,
+    pub area: Vector3<T>,
     /// Mean of the corners, m: the apex that all its triangles share.
-    pub middle: Vec3,
+    pub middle: Vector3<T>,
     /// Centre of area, m.
-    pub centre: Vec3,
+    pub centre: Vector3<T>,
 }
 
 /// Area vector, middle and centre of a face.
@@ -26,25 +29,34 @@ pub fn shape(p: &[Vec3; 4], triangle: bool) -> FaceShape {
         let area = (p[1] - p[0]).cross(&(p[2] - p[0])) * 0.5;
         return FaceShape { area, middle, centre: middle };
     }
+    shape_of_quadrilateral(p)
+}
+
+/// The same of quadrilaterals.
+#[inline(always)]
+pub fn shape_of_quadrilateral<T: Real>(p: &[Vector3<T>; 4]) -> FaceShape<T> {
+    let number = T::splat;
     let middle = mean(p);
-    let area = (p[2] - p[0]).cross(&(p[3] - p[1])) * 0.5;
+    let area = (p[2] - p[0]).cross(&(p[3] - p[1])) * number(0.5);
     // Triangles weighted by their area along the mean normal.
-    let mut moment = Vec3::zeros();
-    let mut weight = 0.0;
+    let mut moment = Vector3::repeat(number(0.0));
+    let mut weight = number(0.0);
     for k in 0..4 {
         let (a, b) = (p[k] - middle, p[(k + 1) % 4] - middle);
         let w = a.cross(&b).dot(&area);
         weight += w;
-        moment += (a + b) * (w / 3.0);
+        moment += (a + b) * (w / number(3.0));
     }
-    let shift = if weight > 0.0 { moment * (1.0 / weight) } else { Vec3::zeros() };
+    let has_area = weight.simd_gt(number(0.0));
+    let share = number(1.0) / weight;
+    let shift = moment.map(|m| (m * share).select(has_area, number(0.0)));
     FaceShape { area, middle, centre: middle + shift }
 }
 
 /// Mean of four corners.
 #[inline(always)]
-pub(crate) fn mean(p: &[Vec3; 4]) -> Vec3 {
-    ((p[0] + p[1]) + (p[2] + p[3])) * 0.25
+pub(crate) fn mean<T: Real>(p: &[Vector3<T>; 4]) -> Vector3<T> {
+    ((p[0] + p[1]) + (p[2] + p[3])) * T::splat(0.25)
 }
 
 /// Volume that a face sweeps along its area vector while its corners move on
@@ -59,17 +71,22 @@ pub fn swept_volume(old: &[Vec3; 4], new: &[Vec3; 4], triangle: bool) -> f64 {
         let (o, n) = ([old[0], old[1], old[2]], [new[0], new[1], new[2]]);
         return swept_by_triangle(&o, &n);
     }
+    swept_by_quadrilateral(old, new)
+}
+
+/// The same of quadrilaterals.
+#[inline(always)]
+pub fn swept_by_quadrilateral<T: Real>(old: &[Vector3<T>; 4], new: &[Vector3<T>; 4]) -> T {
     let (om, nm) = (mean(old), mean(new));
-    (0..4)
-        .map(|k| {
-            let l = (k + 1) % 4;
-            swept_by_triangle(&[old[k], old[l], om], &[new[k], new[l], nm])
-        })
-        .sum()
+    let by = |k: usize| {
+        let l = (k + 1) % 4;
+        swept_by_triangle(&[old[k], old[l], om], &[new[k], new[l], nm])
+    };
+    by(0) + by(1) + by(2) + by(3)
 }
 
 #[inline(always)]
-fn swept_by_triangle(old: &[Vec3; 3], new: &[Vec3; 3]) -> f64 {
+fn swept_by_triangle<T: Real>(old: &[Vector3<T>; 3], new: &[Vector3<T>; 3]) -> T {
     let (a0, b0) = (old[1] - old[0], old[2] - old[0]);
     let (a1, b1) = (new[1] - new[0], new[2] - new[0]);
     // Twice the sum of the area vectors at the ends, and eight times the middle one.
@@ -77,7 +94,7 @@ fn swept_by_triangle(old: &[Vec3; 3], new: &[Vec3; 3]) -> f64 {
     let half = (a0 + a1).cross(&(b0 + b1));
     let path = (new[0] - old[0]) + (new[1] - old[1]) + (new[2] - old[2]);
     // (1/3) path . (A0 + 4 Ah + A1) / 6 with A = cross / 2, Ah = half / 8.
-    path.dot(&(ends + half)) / 36.0
+    path.dot(&(ends + half)) / T::splat(36.0)
 }
 
 #[cfg(test)]

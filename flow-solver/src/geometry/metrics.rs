@@ -88,6 +88,53 @@ fn cube_root(v: f64) -> f64 {
     if x > 0.0 { x - (x - v / (x * x)) / 3.0 } else { v.cbrt() }
 }
 
+/// The vector of each lane.
+#[inline(always)]
+fn rows(v: Vector3<Lanes>) -> [Vec3; LANES] {
+    let (x, y, z) = (v.x.into_arr(), v.y.into_arr(), v.z.into_arr());
+    let one = |l: usize| Vec3::new(x[l], y[l], z[l]);
+    [one(0), one(1), one(2), one(3)]
+}
+
+/// Whether a face is a triangle, which repeats its last node.
+#[inline(always)]
+fn is_triangle(nodes: &[u32; 4]) -> bool {
+    nodes[2] == nodes[3]
+}
+
+/// Four of the points `x`.
+#[inline(always)]
+fn gather(x: &[Vec3], [a, b, c, d]: [u32; LANES]) -> Vector3<Lanes> {
+    let point = |n: u32| -> &[f64; 3] { x[n as usize].as_ref() };
+    columns([point(a), point(b), point(c), point(d)]).into()
+}
+
+/// Corners of the faces with the nodes `nodes` at `x`.
+#[inline(always)]
+fn corners(nodes: &[[u32; 4]; LANES], x: &[Vec3]) -> [Vector3<Lanes>; 4] {
+    let [a, b, c, d] = nodes;
+    let corner = |k: usize| gather(x, [a[k], b[k], c[k], d[k]]);
+    [corner(0), corner(1), corner(2), corner(3)]
+}
+
+/// The shape of each face of a batch.
+#[inline(always)]
+fn shapes(nodes: &[[u32; 4]; LANES], x: &[Vec3]) -> [FaceShape; LANES] {
+    if nodes.iter().any(is_triangle) {
+        return nodes.each_ref().map(|n| shape(n, x));
+    }
+    let FaceShape { area, middle, centre } = face::shape_of_quadrilateral(&corners(nodes, x));
+    let [area, middle, centre] = [rows(area), rows(middle), rows(centre)];
+    let one = |l: usize| FaceShape { area: area[l], middle: middle[l], centre: centre[l] };
+    [one(0), one(1), one(2), one(3)]
+}
+
+/// The shape of the face with the nodes `nodes` at `x`.
+#[inline(always)]
+fn shape(nodes: &[u32; 4], x: &[Vec3]) -> FaceShape {
+    face::shape(&nodes.map(|n| x[n as usize]), is_triangle(nodes))
+}
+
 /// Faces, volumes and centres at one time level.
 #[derive(Clone, Debug, Default)]
 pub struct Metrics {
@@ -155,10 +202,6 @@ impl Metrics {
         let n_owned = topology.n_owned;
         self.volume.fill(0.0);
         moment.fill([0.0; 3]);
-        let shape_of = |f: usize| {
-            let nodes = topology.face_nodes[f];
-            face::shape(&nodes.map(|n| x[n as usize]), nodes[2] == nodes[3])
-        };
         let (volume, centre) = (&mut self.volume, &self.centre);
         let mut add_side = |cell: u32, sign: f64, shape: &FaceShape| {
             let c = cell as usize;
@@ -171,17 +214,26 @@ impl Metrics {
             }
         };
         let between = topology.cells.len();
-        for (k, &[i, j]) in topology.cells.iter().enumerate() {
-            let shape = shape_of(k);
-            let f = &mut self.faces[k];
+        let mut add_face = |f: &mut FaceMetric, &[i, j]: &[u32; 2], shape: &FaceShape| {
             f.area = shape.area;
             // From a point near the centre, which is not known yet.
             f.offset = (shape.centre - Vec3::from(centre[i as usize])).map(|x| x as f32).into();
-            add_side(i, 1.0, &shape);
-            add_side(j, -1.0, &shape);
+            add_side(i, 1.0, shape);
+            add_side(j, -1.0, shape);
+        };
+        let (batches, rest) = topology.cells.as_chunks::<LANES>();
+        let (nodes, nodes_of_rest) = topology.face_nodes[..between].as_chunks::<LANES>();
+        let (faces, faces_of_rest) = self.faces[..between].as_chunks_mut::<LANES>();
+        for ((faces, cells), nodes) in faces.iter_mut().zip(batches).zip(nodes) {
+            for ((f, cells), shape) in faces.iter_mut().zip(cells).zip(&shapes(nodes, x)) {
+                add_face(f, cells, shape);
+            }
+        }
+        for ((f, cells), nodes) in faces_of_rest.iter_mut().zip(rest).zip(nodes_of_rest) {
+            add_face(f, cells, &shape(nodes, x));
         }
         for side in topology.sides() {
-            let shape = shape_of(side.face as usize);
+            let shape = shape(&topology.face_nodes[side.face as usize], x);
             self.faces[side.face as usize].area = shape.area;
             self.border[side.face as usize - between] = shape.centre;
             add_side(side.cell, side.sign, &shape);
@@ -249,9 +301,21 @@ impl Metrics {
 
     /// Volume swept by each face between node positions `old` and `new`, m3.
     pub fn swept(topology: &Topology, old: &[Vec3], new: &[Vec3], swept: &mut [f64]) {
-        for (s, nodes) in swept.iter_mut().zip(&topology.face_nodes) {
+        let one = |nodes: &[u32; 4]| {
             let (o, n) = (nodes.map(|n| old[n as usize]), nodes.map(|n| new[n as usize]));
-            *s = face::swept_volume(&o, &n, nodes[2] == nodes[3]);
+            face::swept_volume(&o, &n, is_triangle(nodes))
+        };
+        let (batches, rest) = topology.face_nodes.as_chunks::<LANES>();
+        let (swept, swept_of_rest) = swept.as_chunks_mut::<LANES>();
+        for (s, nodes) in swept.iter_mut().zip(batches) {
+            *s = if nodes.iter().any(is_triangle) {
+                nodes.each_ref().map(one)
+            } else {
+                face::swept_by_quadrilateral(&corners(nodes, old), &corners(nodes, new)).into_arr()
+            };
+        }
+        for (s, nodes) in swept_of_rest.iter_mut().zip(rest) {
+            *s = one(nodes);
         }
     }
 }

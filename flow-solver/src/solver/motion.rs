@@ -20,12 +20,14 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         if let Some((rank, (node, ..))) = agree(self.halo.comm(), finding) {
             return Err(FlowError::BadNode { node, rank });
         }
-        self.metrics.update(&self.topology, &self.halo, &self.nodes);
+        timing::timed("metrics", || self.metrics.update(&self.topology, &self.halo, &self.nodes));
         self.check_volumes()?;
-        self.least_squares.update(&self.topology, &self.metrics);
+        timing::timed("least squares", || self.least_squares.update(&self.topology, &self.metrics));
         self.swept.resize(self.topology.face_nodes.len(), 0.0);
         self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
-        Metrics::swept(&self.topology, &self.previous[0].nodes, &self.nodes, &mut self.swept);
+        timing::timed("swept volumes", || {
+            Metrics::swept(&self.topology, &self.previous[0].nodes, &self.nodes, &mut self.swept);
+        });
         if self.spatial.viscosity.is_active() {
             let first = self.topology.cells.len();
             self.boundary.spin.resize(self.wall_velocity.len(), Vec3::zeros());
