@@ -15,6 +15,7 @@
 
 mod halo;
 mod numbering;
+mod time_slice;
 mod world;
 
 pub use halo::{Halo, Scalar};

@@ -10,6 +10,8 @@ use mpi::environment::Universe;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::*;
 
+use crate::time_slice;
+
 /// A failure to set up message passing.
 #[derive(Debug, thiserror::Error)]
 pub enum CommError {
@@ -59,12 +61,16 @@ impl std::fmt::Debug for Comm {
 impl Comm {
     /// Initialises MPI. `expected` is the rank count that the launcher passed:
     /// a wrong `mpirun` silently starts many one-rank worlds, which this catches.
+    /// Of several ranks each gets short time slices, because they wait for each other.
     pub fn init(expected: Option<usize>) -> Result<Self, CommError> {
         let universe = mpi::initialize().ok_or(CommError::Init)?;
         let world = universe.world();
         let (rank, size) = (world.rank() as usize, world.size() as usize);
         if let Some(expected) = expected.filter(|&n| n != size) {
             return Err(CommError::WrongLauncher { expected, found: size });
+        }
+        if size > 1 {
+            time_slice::shorten();
         }
         let world = World { world, waited: Cell::new(0.0), _universe: universe };
         Ok(Self { mpi: Some(Rc::new(world)), rank, size })
