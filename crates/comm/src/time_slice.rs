@@ -1,6 +1,6 @@
 //! Short time slices for ranks that wait for each other.
 //!
-//! A rank that waits calls MPI, which yields the core and asks again. Beside another program that computes each yield hands
+//! A rank that waits calls MPI, which yields the core and asks again. Where another program computes on that core each yield hands
 //! over a whole time slice of some milliseconds. With slices of 0.1 ms the rank gets the core back sooner; on idle cores
 //! nothing changes.
 
@@ -10,7 +10,7 @@ const SLICE_NS: u64 = 100_000;
 const THIS_THREAD: libc::pid_t = 0;
 const NO_FLAGS: libc::c_uint = 0;
 
-/// Policy, niceness and time slice of this thread; `None` where the kernel does not tell them.
+/// Policy, niceness and time slice of this thread; `None` where the kernel does not report them.
 fn attributes() -> Option<libc::sched_attr> {
     // SAFETY: all zeros are a valid value of this structure of integers.
     let mut of: libc::sched_attr = unsafe { std::mem::zeroed() };
