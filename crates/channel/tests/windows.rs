@@ -122,7 +122,9 @@ fn number_that_is_not_written_is_found_in_memory_used_again() {
         hub.advance(Structure, &window(0, 12), all_but_one).expect_err("a number is missing").to_string();
     assert!(error.contains("is NaN") && error.contains("was not written"), "{error}");
     drop(hub);
-    threads.into_iter().for_each(|t| assert!(t.join().expect("no panic").is_err(), "it is told of the end"));
+    threads
+        .into_iter()
+        .for_each(|t| assert!(t.join().expect("no panic").is_err(), "the end is reported to it"));
 }
 
 #[test]

@@ -70,6 +70,40 @@ fn repeated_step_uses_the_tolerance_of_its_window() {
     assert!(repeat.end < 0.3 * repeat.target, "its own target is smaller: {repeat:?}");
 }
 
+/// The first solve of a step is less fine after a step of one or two solves than after one of three, and a solver that continues with the
+/// warm-start data of another knows which it was.
+#[test]
+fn solves_are_less_fine_after_a_step_of_few_solves() {
+    let after = |solves: usize| {
+        let mut settings = settings([0.0, 0.0, 4.88], 1e-2);
+        settings.coupling = Some(CouplingIterations { drop: 1e-2, sufficient: 2.5e-4 });
+        let viscosity = Laminar { viscosity: 4.88 / 200.0 * 1.225 };
+        let mut s = isothermal(&crate::plate::plate(4), viscosity, settings);
+        let mut step = at_rest(0.02);
+        step.moved = true;
+        for _ in 0..3 {
+            s.advance(&step).expect("solved");
+            s.accept(0.02, true);
+        }
+        for k in 0..solves {
+            step.repeat = k > 0;
+            step.frame = Vec3::new(0.0, 0.0, -1e-3 * k as f64);
+            s.advance(&step).expect("solved");
+        }
+        s.accept(0.02, true);
+        let warm = s.warm_start();
+        assert_eq!(warm.few_solves_before, solves <= 2, "{solves} solves");
+        let mut other = isothermal(&crate::plate::plate(4), viscosity, settings);
+        other.restore_warm_start(warm).expect("of the same grid");
+        assert_eq!(other.warm_start().few_solves_before, solves <= 2, "{solves} solves");
+        step.repeat = false;
+        s.advance(&step).expect("solved")
+    };
+    let [two, three] = [after(2), after(3)];
+    assert!(two.met && three.met, "{two:?} {three:?}");
+    assert!(three.end / three.start < 0.5 * two.end / two.start, "{two:?} {three:?}");
+}
+
 /// A march whose steps run out of iterations moves so little that it looks steady: it must not end.
 #[test]
 fn steady_march_does_not_end_on_an_unconverged_step() {
