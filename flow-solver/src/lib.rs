@@ -16,6 +16,7 @@
 mod allocator;
 pub mod boundary_values;
 mod error;
+mod extreme;
 pub mod face_permeability;
 pub mod geometry;
 pub mod gradient;

@@ -9,6 +9,7 @@ use comm::Comm;
 
 use crate::boundary_values::BoundaryValues;
 use crate::error::FlowError;
+use crate::extreme::Extreme;
 use crate::handover;
 use crate::loads::{Loads, Total};
 use crate::monitors::Monitors;
@@ -348,15 +349,20 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
 
     fn stats(&self, total: &Total, report: &Report, dt: f64) -> [f64; channel::STATS] {
         let s = &self.solver;
-        let (mut mach, mut courant, mut high, mut low) = (0.0f64, 0.0f64, f64::MIN, f64::MAX);
-        for (q, h) in s.q[..s.topology.n_owned].iter().zip(&s.metrics.size) {
+        let comm = s.comm();
+        let (mut mach, mut pressure) = (Extreme::default(), Extreme::default());
+        let (mut courant, mut high, mut low) = (0.0f64, f64::MIN, f64::MAX);
+        let cells = s.q[..s.topology.n_owned].iter().zip(&s.metrics.size);
+        for (cell, (q, h)) in cells.enumerate() {
             let speed = (velocity(q) - s.scheme.frame).norm();
-            mach = mach.max(speed * speed / s.spatial.gas.sound_speed_squared(q));
+            mach.compare(speed * speed / s.spatial.gas.sound_speed_squared(q), cell);
+            pressure.compare(q[0].abs(), cell);
             courant = courant.max(speed * dt / h);
             high = high.max(q[0]);
             low = low.min(q[0]);
         }
-        let comm = s.comm();
+        let (mach, mach_at) = mach.over_ranks(comm, &s.metrics.centre);
+        let (_, pressure_at) = pressure.over_ranks(comm, &s.metrics.centre);
         let mut values = [0.0; channel::STATS];
         values[flow_stats::FORCE..][..3].copy_from_slice(total.force.as_slice());
         values[flow_stats::MOMENT..][..3].copy_from_slice(total.moment.as_slice());
@@ -364,13 +370,18 @@ impl<G: Gas<N>, const N: usize> FlowParticipant<G, N> {
         values[flow_stats::RESIDUAL_END] = report.end;
         values[flow_stats::ITERATIONS] = report.iterations as f64;
         values[flow_stats::LINEAR_ITERATIONS] = report.linear_iterations as f64;
-        values[flow_stats::MAX_MACH] = comm.max(mach).sqrt();
+        values[flow_stats::MAX_MACH] = mach.sqrt();
+        values[flow_stats::MAX_MACH_AT..][..3].copy_from_slice(&mach_at);
+        values[flow_stats::EXTREME_PRESSURE_AT..][..3].copy_from_slice(&pressure_at);
         values[flow_stats::MAX_COURANT] = comm.max(courant);
         values[flow_stats::MAX_PRESSURE] = comm.max(high);
         values[flow_stats::MIN_PRESSURE] = comm.min(low);
         values[flow_stats::MASS_DEFECT] = report.mass_defect;
         values[flow_stats::RESIDUAL_TARGET] = report.target;
         values[flow_stats::UNCONVERGED] = f64::from(u8::from(!report.met));
+        values[flow_stats::CELL_ERROR] = report.cell.share;
+        values[flow_stats::CELL_ERROR_TARGET] = report.cell.allowed;
+        values[flow_stats::CELL_ERROR_AT..][..3].copy_from_slice(&report.cell.at);
         values[flow_stats::TURBULENCE_RESIDUAL] = s.turbulence_excess();
         values
     }

@@ -8,7 +8,7 @@ use crate::error::FlowError;
 use crate::geometry::vec3::Vec3;
 use crate::loads::{Loads, Total};
 use crate::physics::Gas;
-use crate::solver::{Report, Solver, Step};
+use crate::solver::{CellError, Report, Solver, Step};
 use crate::surface_force::Watched;
 
 /// Stopping criteria of a march to a steady state.
@@ -167,6 +167,7 @@ pub(crate) fn solve_window<G: Gas<N>, const N: usize>(
         end: marched.drop,
         target,
         met: true,
+        cell: CellError::default(),
         iterations: marched.iterations,
         linear_iterations: marched.linear_iterations,
         mass_defect: 0.0,

@@ -167,6 +167,11 @@ STATISTICS = {
         "residual_target": 16,
         "unconverged": 17,
         "turbulence_residual": 18,
+        "max_mach_at": 19,
+        "extreme_pressure_at": 22,
+        "cell_error": 25,
+        "cell_error_target": 26,
+        "cell_error_at": 27,
         "waited_s": 44,
     },
     "mesh": {

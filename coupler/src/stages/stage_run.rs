@@ -403,8 +403,8 @@ impl<'c, 'p> StageRun<'c, 'p> {
 
     fn mach_warning(&self, row: &Row) -> Option<String> {
         let flow = self.context.scene.flow.as_ref()?;
-        let mach = flow_bounds::flow_statistics(&row.report.stats)[flow_stats::MAX_MACH];
-        local_mach::warning(flow.energy.is_some(), self.summary.largest_local_mach, mach)
+        let statistics = flow_bounds::flow_statistics(&row.report.stats);
+        local_mach::warning(flow.energy.is_some(), self.summary.largest_local_mach, statistics)
     }
 
     /// Of an immersed canopy: air that passes airtight cloth, after the bounds know the speeds of the window.
@@ -442,8 +442,7 @@ impl<'c, 'p> StageRun<'c, 'p> {
             flow,
             saved: None,
         })?;
-        local_mach::check(statistics[flow_stats::MAX_MACH])
-            .map_err(|flow| RunError::Supersonic { place: place(), flow })
+        local_mach::check(statistics).map_err(|flow| RunError::Supersonic { place: place(), flow })
     }
 
     /// Writes the snapshots of the programs that are due at the planned window `done`.

@@ -143,11 +143,20 @@ fn effort(role: Role, values: &[f64]) -> String {
         }
         Role::Flow => {
             use flow_stats as at;
+            let cell = match values[at::CELL_ERROR_TARGET] {
+                0.0 => String::new(),
+                target => {
+                    let place = place(values, at::CELL_ERROR_AT);
+                    format!(", error of a cell {:.2e} of {target:.2e} allowed{place}", values[at::CELL_ERROR])
+                }
+            };
             format!(
-                "{} pseudo-time iterations, {} linear iterations, Courant number {:.2}, residual before {:.2e}, {}",
+                "{} pseudo-time iterations, {} linear iterations, Courant number {:.2}, Mach number {:.4}{}, residual before {:.2e}, {}{cell}",
                 values[at::ITERATIONS],
                 values[at::LINEAR_ITERATIONS],
                 values[at::MAX_COURANT],
+                values[at::MAX_MACH],
+                place(values, at::MAX_MACH_AT),
                 values[at::RESIDUAL_START],
                 residual(at::RESIDUAL_END, at::RESIDUAL_TARGET)
             )
@@ -163,5 +172,14 @@ fn effort(role: Role, values: &[f64]) -> String {
                 residual(at::RESIDUAL, at::RESIDUAL_TARGET)
             )
         }
+    }
+}
+
+/// ` at (x, y, z) m` with the coordinates from `index` on, or nothing where they were not reported.
+fn place(values: &[f64], index: usize) -> String {
+    match values[index..][..3] {
+        [0.0, 0.0, 0.0] => String::new(),
+        [x, y, z, ..] => format!(" at ({x:.4}, {y:.4}, {z:.4}) m"),
+        _ => String::new(),
     }
 }

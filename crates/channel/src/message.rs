@@ -175,6 +175,16 @@ pub mod flow_stats {
     pub const UNCONVERGED: usize = 17;
     /// Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved.
     pub const TURBULENCE_RESIDUAL: usize = 18;
+    /// Centre of the cell with the largest Mach number, m: 19, 20, 21. All 0: not reported.
+    pub const MAX_MACH_AT: usize = 19;
+    /// Centre of the cell with the largest gauge pressure by absolute value, m: 22, 23, 24. All 0: not reported.
+    pub const EXTREME_PRESSURE_AT: usize = 22;
+    /// Largest change of velocity that the residual of one cell would still cause, over the largest speed.
+    pub const CELL_ERROR: usize = 25;
+    /// Value of `CELL_ERROR` up to which a solve counts as converged. 0: not stated, so not judged.
+    pub const CELL_ERROR_TARGET: usize = 26;
+    /// Centre of the cell of `CELL_ERROR`, m: 27, 28, 29.
+    pub const CELL_ERROR_AT: usize = 27;
     /// Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each
     /// rank, unlike the other statistics. 0: one rank, or not reported.
     pub const WAITED_S: usize = 44;

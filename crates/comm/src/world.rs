@@ -166,6 +166,15 @@ impl Comm {
         self.reduce(x, SystemOperation::max());
     }
 
+    /// The largest value over ranks with its place: `place` of the first rank that has it. Zeros where all are NaN.
+    pub fn max_with_place(&self, x: f64, place: [f64; 3]) -> (f64, [f64; 3]) {
+        let largest = self.max(x);
+        let first = self.min(if x == largest { self.rank as f64 } else { self.size as f64 });
+        let mut found = if first == self.rank as f64 { place } else { [0.0; 3] };
+        self.sum_slice(&mut found);
+        (largest, found)
+    }
+
     /// Minimum over ranks.
     pub fn min(&self, x: f64) -> f64 {
         let mut v = [x];

@@ -11,6 +11,8 @@ use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Location, RunError};
+use crate::flow_bounds::reported_place;
+use crate::impossible_flow::at_text;
 use crate::schemes::window::report::WindowReport;
 
 /// A subproblem of a window, each with its own residual and target.
@@ -26,11 +28,14 @@ pub enum Subproblem {
     Mesh,
     /// The transport equation of the turbulence.
     Turbulence,
+    /// The flow in single cells, which the residual of all cells does not show.
+    Cells,
 }
 
 impl Subproblem {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Coupling, Self::Structure, Self::Flow, Self::Mesh, Self::Turbulence];
+    pub const ALL: [Self; 6] =
+        [Self::Coupling, Self::Structure, Self::Flow, Self::Mesh, Self::Turbulence, Self::Cells];
 
     /// Name in messages.
     pub fn name(self) -> &'static str {
@@ -40,6 +45,7 @@ impl Subproblem {
             Self::Flow => "flow",
             Self::Mesh => "grid motion",
             Self::Turbulence => "turbulence equation",
+            Self::Cells => "flow in single cells",
         }
     }
 
@@ -58,6 +64,10 @@ impl Subproblem {
             }
             Self::Mesh => "a larger mesh.tolerance, a smaller mesh.stiffening_exponent",
             Self::Turbulence => "a shorter window_s, a larger flow.solver.residual_drop",
+            Self::Cells => {
+                "a grid without thin or skewed cells there (grid.txt; flow.grid.cells_across_vent = 1 at the ends of fine vents), a shorter \
+                 window_s, a larger flow.solver.max_iterations"
+            }
         }
     }
 
@@ -66,7 +76,7 @@ impl Subproblem {
             Self::Structure => Some(Role::Structure),
             Self::Flow => Some(Role::Flow),
             Self::Mesh => Some(Role::Mesh),
-            Self::Coupling | Self::Turbulence => None,
+            Self::Coupling | Self::Turbulence | Self::Cells => None,
         }
     }
 }
@@ -95,6 +105,9 @@ pub struct Convergence {
     pub mesh: UnconvergedCount,
     /// The turbulence equation.
     pub turbulence: UnconvergedCount,
+    /// The flow in single cells.
+    #[serde(default)]
+    pub cells: UnconvergedCount,
     /// Time steps of the structure above their own target, including those of repeated solves.
     pub structure_solves: u64,
     /// Flow solves above their own target, including repeated ones.
@@ -109,6 +122,7 @@ impl Convergence {
             Subproblem::Flow => &self.flow,
             Subproblem::Mesh => &self.mesh,
             Subproblem::Turbulence => &self.turbulence,
+            Subproblem::Cells => &self.cells,
         }
     }
 
@@ -119,6 +133,7 @@ impl Convergence {
             Subproblem::Flow => &mut self.flow,
             Subproblem::Mesh => &mut self.mesh,
             Subproblem::Turbulence => &mut self.turbulence,
+            Subproblem::Cells => &mut self.cells,
         }
     }
 
@@ -203,6 +218,11 @@ fn excess_of(part: Subproblem, report: &WindowReport, tolerance: f64) -> Option<
             let value = report.stats[Role::Flow as usize].values[flow_stats::TURBULENCE_RESIDUAL];
             (value > 0.0).then_some(value)
         }
+        Subproblem::Cells => {
+            let values = &report.stats[Role::Flow as usize].values;
+            let (error, target) = (values[flow_stats::CELL_ERROR], values[flow_stats::CELL_ERROR_TARGET]);
+            (target > 0.0).then(|| error / target)
+        }
         _ => part.role().and_then(|role| excess(role, &report.stats[role as usize].values)),
     }
 }
@@ -217,6 +237,19 @@ fn figures(part: Subproblem, report: &WindowReport, tolerance: f64) -> String {
         Subproblem::Turbulence => {
             let over = of(Role::Flow)[flow_stats::TURBULENCE_RESIDUAL];
             return format!("its residual in the step before is {over:.1} times its target");
+        }
+        Subproblem::Cells => {
+            let values = of(Role::Flow);
+            let (error, target) = (values[flow_stats::CELL_ERROR], values[flow_stats::CELL_ERROR_TARGET]);
+            return format!(
+                "the residual may still change the velocity of a cell{} by {:.2} % of the typical speed, {:.1} times its target of \
+                 {:.2} %, after {}",
+                at_text(reported_place(values, flow_stats::CELL_ERROR_AT)),
+                100.0 * error,
+                error / target,
+                100.0 * target,
+                spent(Role::Flow, values)
+            );
         }
         _ => {
             let role = part.role().unwrap_or(Role::Flow);
@@ -353,5 +386,31 @@ mod tests {
         turbulent.stats[Role::Flow as usize].values[flow_stats::TURBULENCE_RESIDUAL] = 40.0;
         let error = judge.require(&w, &turbulent).expect_err("above the limit");
         assert!(!error.is_retryable() && error.to_string().contains("turbulence equation"), "{error}");
+    }
+
+    #[test]
+    fn cells_left_behind_are_reported_with_their_place() {
+        let with = |error: f64| {
+            let mut report = window(0.5, 0.5);
+            let values = &mut report.stats[Role::Flow as usize].values;
+            values[flow_stats::CELL_ERROR] = error;
+            values[flow_stats::CELL_ERROR_TARGET] = 0.1;
+            values[flow_stats::CELL_ERROR_AT..][..3].copy_from_slice(&[1.7447, 1.7468, -2.0363]);
+            report
+        };
+        let mut counts = Convergence::default();
+        assert!(counts.add(&at(3), &with(0.099), 1e-3).is_empty() && counts.line().is_none());
+        let text = counts.add(&at(4), &with(0.33), 1e-3).join("; ");
+        assert!(
+            text.contains("at (1.7447, 1.7468, -2.0363) m by 33.00 %")
+                && text.contains("3.3 times its target of 10.00 %"),
+            "{text}"
+        );
+        assert_eq!((counts.cells.windows, counts.cells.worst_window, counts.flow.windows), (1, 4, 0));
+        let judge = AcceptanceCheck { stage: "descent".into(), accept_unconverged: false };
+        let w = Window { index: 4, iteration: 1, time: 0.5, ..Default::default() };
+        assert!(judge.require(&w, &with(0.99)).is_ok());
+        let error = judge.require(&w, &with(1.01)).expect_err("beyond ten times").to_string();
+        assert!(error.contains("flow in single cells") && error.contains("cells_across_vent"), "{error}");
     }
 }

@@ -92,21 +92,30 @@ impl FlowBounds {
             before.chunks_exact(3).zip(after.chunks_exact(3)).map(moved).fold(self.canopy, f64::max);
         let speed = self.speed();
         let [possible_speed, possible_pressure] = self.possible(dt);
-        let error = |what, unit, found, possible| {
-            Err(ImpossibleFlow { what, unit, found, possible, speed_m_s: speed, pressure_pa: self.pressure })
+        let error = |what, unit, found, possible, index| {
+            let at = reported_place(values, index);
+            Err(ImpossibleFlow {
+                what,
+                unit,
+                found,
+                at,
+                possible,
+                speed_m_s: speed,
+                pressure_pa: self.pressure,
+            })
         };
         let found = values[stat::MAX_MACH] * self.sound;
         // NaN is beyond any limit.
         let beyond = |limit: f64, found: f64| found > limit || found.is_nan();
         if beyond(FACTOR * possible_speed + LEAST_MACH * self.sound, found) {
-            return error("speed", "m/s", found, possible_speed);
+            return error("speed", "m/s", found, possible_speed, stat::MAX_MACH_AT);
         }
         let (high, low) = (values[stat::MAX_PRESSURE].abs(), values[stat::MIN_PRESSURE].abs());
         let found = if high > low { high } else { low };
         // Acoustic pressure at the Mach number below which speeds are not judged.
         let floor = LEAST_MACH * self.density * self.sound * self.sound;
         if beyond(FACTOR * possible_pressure + floor, found) {
-            return error("gauge pressure", "Pa", found, possible_pressure);
+            return error("gauge pressure", "Pa", found, possible_pressure, stat::EXTREME_PRESSURE_AT);
         }
         Ok(())
     }
@@ -124,6 +133,12 @@ impl FlowBounds {
 pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: [f64; 3]) -> [f64; 3] {
     let wind = wind.at(t);
     std::array::from_fn(|i| wind[i] - frame_velocity[i])
+}
+
+/// The place (m) whose first coordinate has `index` in the statistics of the flow; `None` where it was not reported.
+pub(crate) fn reported_place(values: &[f64; STATS], index: usize) -> Option<[f64; 3]> {
+    let at = std::array::from_fn(|c| values[index + c]);
+    (at != [0.0; 3]).then_some(at)
 }
 
 /// Statistics of the flow in a window.
@@ -157,6 +172,21 @@ mod tests {
         assert!(error.to_string().contains("coupling.scheme"), "{error}");
         assert_eq!(check(flow(5.0, 5e4)).expect_err("an impossible pressure").what, "gauge pressure");
         assert!(check(flow(f64::NAN, 10.0)).is_err());
+    }
+
+    #[test]
+    fn errors_name_the_place_of_their_own_value() {
+        let still = [0.0; 3];
+        let message = |mut v: [f64; STATS]| {
+            v[stat::MAX_MACH_AT..][..3].copy_from_slice(&[1.0, 2.0, 3.0]);
+            v[stat::EXTREME_PRESSURE_AT..][..3].copy_from_slice(&[-1.0, 0.0, 0.5]);
+            let error = bounds().check(5e-3, [0.0, 0.0, 4.0], [&still, &still], &v);
+            error.expect_err("impossible").to_string()
+        };
+        let speed = message(flow(200.0, 10.0));
+        assert!(speed.contains("speed of 2.000e2 m/s at (1.0000, 2.0000, 3.0000) m, "), "{speed}");
+        let pressure = message(flow(5.0, 5e4));
+        assert!(pressure.contains("5.000e4 Pa at (-1.0000, 0.0000, 0.5000) m, "), "{pressure}");
     }
 
     #[test]

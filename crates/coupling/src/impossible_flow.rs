@@ -3,10 +3,10 @@
 /// A flow beyond its physical bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the flow reaches a {what} of {found:.3e} {unit}, {:.0} times the {possible:.3e} {unit} that {speed_m_s:.2} m/s of air \
+    "the flow reaches a {what} of {found:.3e} {unit}{}, {:.0} times the {possible:.3e} {unit} that {speed_m_s:.2} m/s of air \
      and canopy and {pressure_pa:.1} Pa can cause, so the flow or the coupling is unphysical. \
      Remedies: coupling.scheme = \"implicit\", a shorter window_s, a larger first_layer_m",
-    found / possible
+    at_text(*at), found / possible
 )]
 pub struct ImpossibleFlow {
     /// `speed` or `gauge pressure`.
@@ -15,10 +15,17 @@ pub struct ImpossibleFlow {
     pub unit: &'static str,
     /// Value in the flow.
     pub found: f64,
+    /// Centre of the cell that has it, m; `None` where the flow program does not report it.
+    pub at: Option<[f64; 3]>,
     /// Largest physical value.
     pub possible: f64,
     /// Sum of the largest speeds of air and canopy so far, m/s.
     pub speed_m_s: f64,
     /// Pressure that is applied or carries the weight, Pa.
     pub pressure_pa: f64,
+}
+
+/// ` at (x, y, z) m` for messages, with the coordinates `at` (m), or nothing.
+pub(crate) fn at_text(at: Option<[f64; 3]>) -> String {
+    at.map_or_else(String::new, |[x, y, z]| format!(" at ({x:.4}, {y:.4}, {z:.4}) m"))
 }

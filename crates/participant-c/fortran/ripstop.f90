@@ -83,6 +83,11 @@ module ripstop
   integer(c_int), parameter :: RIPSTOP_FLOW_RESIDUAL_TARGET = 17  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_UNCONVERGED = 18  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_TURBULENCE_RESIDUAL = 19  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_MAX_MACH_AT = 20  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_EXTREME_PRESSURE_AT = 23  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_CELL_ERROR = 26  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_CELL_ERROR_TARGET = 27  ! 1
+  integer(c_int), parameter :: RIPSTOP_FLOW_CELL_ERROR_AT = 28  ! 1
   integer(c_int), parameter :: RIPSTOP_FLOW_WAITED_S = 45  ! s
   integer(c_int), parameter :: RIPSTOP_MESH_MIN_QUALITY = 1  ! 1
   integer(c_int), parameter :: RIPSTOP_MESH_ITERATIONS = 2  ! 1

@@ -31,6 +31,11 @@ impl Target {
     fn is_met(&self, norm: f64) -> bool {
         norm <= self.residual
     }
+
+    /// Whether the residual is that of round-off, which no cell can fall below.
+    fn is_round_off(&self, norm: f64) -> bool {
+        norm <= self.round_off
+    }
 }
 
 /// Residual of a step on a moving grid that must drop, over that at its start.
@@ -81,6 +86,8 @@ struct Iteration {
     best: f64,
     /// Whether the present state is the best one so far.
     at_best: bool,
+    /// Largest error of a cell in the present state, where its residual is small enough.
+    cell: CellError,
     /// Share of each correction that is taken.
     share: f64,
     /// Whether the matrices of the last correction are reused.
@@ -97,6 +104,7 @@ impl Iteration {
             norm: first,
             best: first,
             at_best: true,
+            cell: CellError::default(),
             share: 1.0,
             assembled: false,
             iterations: 0,
@@ -253,7 +261,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.nonlinear_gmres.clear();
         }
         let mut at = Iteration::new(first);
-        while at.iterations < self.settings.max_iterations && !target.is_met(at.norm) {
+        while at.iterations < self.settings.max_iterations && !self.has_converged(&mut at, target) {
             let before = at.norm;
             self.correct(&mut at);
             let bad = self.bad_cell();
@@ -270,6 +278,15 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             }
         }
         Ok(at)
+    }
+
+    /// Whether the residual has dropped to its target, and no cell is left behind. Collective.
+    fn has_converged(&mut self, at: &mut Iteration, target: &Target) -> bool {
+        if !target.is_met(at.norm) {
+            return false;
+        }
+        at.cell = self.cell_error();
+        at.cell.is_small() || target.is_round_off(at.norm)
     }
 
     /// One correction: matrices, the combination of the last corrections, the approximate inverse. Collective.
@@ -345,7 +362,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             start: self.start,
             end,
             target: target.tolerance,
-            met: end <= target.residual,
+            met: end <= target.residual && (at.cell.is_small() || target.is_round_off(end)),
+            cell: at.cell,
             iterations: at.iterations,
             linear_iterations: at.linear_iterations,
             mass_defect: 0.0,

@@ -92,6 +92,8 @@ pub struct Report {
     /// Whether the iterations reached their own target, which is smaller than `target` in repetitions of a
     /// step that bring little.
     pub met: bool,
+    /// Largest error of a cell where the residual was small enough; zeros where it was not computed.
+    pub cell: CellError,
     /// Corrections.
     pub iterations: usize,
     /// Iterations of the pressure equation.
@@ -163,6 +165,8 @@ pub struct Solver<G, const N: usize> {
     swept_before: Vec<f64>,
     residual: Vec<[f64; N]>,
     history: Vec<[f64; N]>,
+    /// Scratch of [`CellError`]: diagonal of the momentum equation of owned cells, kg/s.
+    diagonal: Vec<f64>,
     face_flux: Vec<FaceFlux>,
     /// Whether the Rhie-Chow fluxes have no history (first-order time difference).
     rhie_chow_is_reset: bool,
@@ -195,12 +199,14 @@ macro_rules! domain {
     };
 }
 
+mod cell_error;
 mod effects;
 mod iterate;
 mod motion;
 mod restart;
 mod step;
 
+pub use cell_error::CellError;
 pub use restart::WarmStart;
 
 /// Constants of the flux before the first step.
@@ -264,6 +270,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             swept_before: Vec::new(),
             residual: vec![[0.0; N]; n],
             history: vec![[0.0; N]; topology.n_owned],
+            diagonal: vec![0.0; topology.n_owned],
             face_flux: vec![FaceFlux::default(); faces],
             rhie_chow_is_reset: true,
             start: 0.0,

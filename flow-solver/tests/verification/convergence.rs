@@ -104,6 +104,38 @@ fn solves_are_less_fine_after_a_step_of_few_solves() {
     assert!(three.end / three.start < 0.5 * two.end / two.start, "{two:?} {three:?}");
 }
 
+/// The residual of all cells drops by half where large cells converge. A small cell whose air was given 30 m/s holds the step until its own velocity
+/// is known to a tenth of the speed of the stream; otherwise it is off by several m/s.
+#[test]
+fn step_goes_on_until_each_cell_is_converged() {
+    const STREAM: f64 = 4.88;
+    let step = |drop: f64, jet: f64| {
+        let viscosity = Laminar { viscosity: STREAM / 200.0 * 1.225 };
+        let mut s = isothermal(&crate::plate::plate(4), viscosity, settings([0.0, 0.0, STREAM], drop));
+        let small = (0..s.topology.n_owned)
+            .min_by(|&a, &b| s.metrics.volume[a].total_cmp(&s.metrics.volume[b]))
+            .expect("cells");
+        s.previous.iter_mut().for_each(|level| level.q[small][1] += jet);
+        s.q[small][1] += jet;
+        let report = s.advance(&at_rest(0.02)).expect("solved");
+        (report, s.q.clone())
+    };
+    let (exact, q) = step(1e-8, 30.0);
+    let (loose, found) = step(0.5, 30.0);
+    let off = |q: &[[f64; 4]], p: &[[f64; 4]]| {
+        let of = |(a, b): (&[f64; 4], &[f64; 4])| (1..4).map(|d| (a[d] - b[d]).powi(2)).sum::<f64>().sqrt();
+        q.iter().zip(p).map(of).fold(0.0, f64::max)
+    };
+    let largest = off(&q, &found);
+    println!("{} iterations, off by {largest:.3} m/s at most: {:?}", loose.iterations, loose.cell);
+    assert!(largest < 0.1 * STREAM, "{largest}");
+    assert!(loose.met && loose.cell.share <= 0.1 && loose.cell.allowed == 0.1, "{loose:?}");
+    assert!(
+        exact.met && exact.cell.is_small() && (exact.cell.allowed / 1e-7 - 1.0).abs() < 1e-12,
+        "{exact:?}"
+    );
+}
+
 /// A march whose steps run out of iterations moves so little that it looks steady: it must not end.
 #[test]
 fn steady_march_does_not_end_on_an_unconverged_step() {

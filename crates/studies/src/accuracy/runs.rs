@@ -280,7 +280,7 @@ fn above_tolerance(out: &Path) -> Option<String> {
     let text = std::fs::read_to_string(out.join("summary.json")).ok()?;
     let summary: serde_json::Value = serde_json::from_str(&text).ok()?;
     let stages = summary["stages"].as_array()?;
-    let parts = ["coupling", "structure", "flow", "mesh", "turbulence"];
+    let parts = ["coupling", "structure", "flow", "mesh", "turbulence", "cells"];
     let of = |part: &&str| -> Option<String> {
         let counts = stages.iter().filter_map(|s| s["convergence"][*part]["windows"].as_u64());
         let count: u64 = counts.sum();
