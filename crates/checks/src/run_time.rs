@@ -61,7 +61,7 @@ pub const CHECKS: &[Check] = &[
         what: "the flow of each single cell is converged in each accepted step, which the residual of all cells does not show",
         estimate: "largest change of the velocity of a cell that its residual would cause (CELL_ERROR): residual over the diagonal of its momentum \
                    equation, over the speed that most of the kinetic energy has",
-        range: "at most 10 %; a solve goes on until then; where its iterations end \
+        range: "at most 10 %; a solve continues until then; where its iterations end \
                 above, up to 10 times are counted and reported once a stage; beyond, an error unless --accept-unconverged is given",
         source: "decision 90: around the ATPS on 4.75 million cells, single cells left unconverged ran away to 166 m/s while the residual of all \
                  cells was below its target",

@@ -5,7 +5,7 @@
 #[error(
     "the flow reaches a {what} of {found:.3e} {unit}{}, {:.0} times the {possible:.3e} {unit} that {speed_m_s:.2} m/s of air \
      and canopy and {pressure_pa:.1} Pa can cause, so the flow or the coupling is unphysical. \
-     Remedies: coupling.scheme = \"implicit\", a shorter window_s, a larger first_layer_m",
+     Remedies: coupling.scheme = \"implicit\", a shorter window_s, a larger first_layer_m; cells of a fitted grid there as even as elsewhere (grid.txt)",
     at_text(*at), found / possible
 )]
 pub struct ImpossibleFlow {

@@ -254,7 +254,7 @@ pub struct FlowSolver {
     pub method: FlowMethod,
     /// A time step is converged when the unsteady residual has dropped by this factor (on a moving grid by a tenth of it). Coupling iterations
     /// that are to agree more closely than a tenth of it tighten it to 10 times `coupling.tolerance`, and those that need few solves end
-    /// at a twentieth of that tolerance. With `[flow.immersed]` the residual of the
+    /// at a twentieth of that tolerance. No step ends while the velocity of a cell has an error above a tenth of the typical speed. With `[flow.immersed]` the residual of the
     /// constraints of the canopy drops to a hundredth of it, and to a twentieth of `coupling.tolerance`.
     pub residual_drop: f64,
     /// Pseudo-time iterations at most for each time step. Absent: 60 with `gmres`, 2000 with `lu-sgs`. Without meaning with `[flow.immersed]`.
