@@ -11,8 +11,7 @@ use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Location, RunError};
-use crate::flow_bounds::reported_place;
-use crate::impossible_flow::at_text;
+use crate::reported_place::{at_text, reported_place};
 use crate::schemes::window::report::WindowReport;
 
 /// A subproblem of a window, each with its own residual and target.

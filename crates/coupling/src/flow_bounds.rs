@@ -22,6 +22,7 @@ use serde::{Deserialize, Serialize};
 use crate::boundary_drive::BoundaryDrive;
 pub use crate::impossible_flow::ImpossibleFlow;
 use crate::interface::CanopyInterface;
+use crate::reported_place::reported_place;
 
 /// Accepted multiple of the estimates.
 const FACTOR: f64 = 10.0;
@@ -133,12 +134,6 @@ impl FlowBounds {
 pub fn undisturbed_air(wind: &case::Wind, t: f64, frame_velocity: [f64; 3]) -> [f64; 3] {
     let wind = wind.at(t);
     std::array::from_fn(|i| wind[i] - frame_velocity[i])
-}
-
-/// The place (m) whose first coordinate has `index` in the statistics of the flow; `None` where it was not reported.
-pub(crate) fn reported_place(values: &[f64; STATS], index: usize) -> Option<[f64; 3]> {
-    let at = std::array::from_fn(|c| values[index + c]);
-    (at != [0.0; 3]).then_some(at)
 }
 
 /// Statistics of the flow in a window.

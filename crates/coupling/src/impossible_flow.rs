@@ -1,5 +1,7 @@
 //! Error for speeds and pressures beyond physical bounds.
 
+use crate::reported_place::at_text;
+
 /// A flow beyond its physical bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
@@ -23,9 +25,4 @@ pub struct ImpossibleFlow {
     pub speed_m_s: f64,
     /// Pressure that is applied or carries the weight, Pa.
     pub pressure_pa: f64,
-}
-
-/// ` at (x, y, z) m` for messages, with the coordinates `at` (m), or nothing.
-pub(crate) fn at_text(at: Option<[f64; 3]>) -> String {
-    at.map_or_else(String::new, |[x, y, z]| format!(" at ({x:.4}, {y:.4}, {z:.4}) m"))
 }

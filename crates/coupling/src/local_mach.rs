@@ -2,8 +2,7 @@
 
 use channel::{STATS, flow_stats};
 
-use crate::flow_bounds::reported_place;
-use crate::impossible_flow::at_text;
+use crate::reported_place::{at_text, reported_place};
 
 /// Local Mach number above which isothermal air is inaccurate: its density is wrong by $`(\gamma-1)M^2/2`$, 1.8 %.
 const ISOTHERMAL: f64 = 0.3;

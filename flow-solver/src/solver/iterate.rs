@@ -261,7 +261,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.nonlinear_gmres.clear();
         }
         let mut at = Iteration::new(first);
-        while at.iterations < self.settings.max_iterations && !self.has_converged(&mut at, target) {
+        while !self.has_converged(&mut at, target) && at.iterations < self.settings.max_iterations {
             let before = at.norm;
             self.correct(&mut at);
             let bad = self.bad_cell();
@@ -272,7 +272,15 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                 self.keep_best(&mut at);
             }
             if bad.is_some() || at.has_diverged() {
-                self.backtrack(&mut at, bad)?;
+                match self.backtrack(&mut at, bad) {
+                    // Single cells could not be improved further: they are reported.
+                    Err(_) if target.is_met(at.best) => {
+                        at.norm = self.evaluate();
+                        at.cell = self.cell_error();
+                        return Ok(at);
+                    }
+                    outcome => outcome?,
+                }
             } else {
                 at.accept(before);
             }
@@ -354,7 +362,8 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Returns the best state if its residual is acceptable. Collective.
     fn accept_best(&mut self, at: Iteration, target: &Target) -> Result<Report, FlowError> {
         let mut end = at.norm;
-        if end > at.best {
+        // A state within the target is not exchanged for one of a smaller residual, whose cells may be less converged.
+        if end > at.best && !target.is_met(end) {
             self.return_to_best();
             end = self.evaluate();
         }
