@@ -130,7 +130,7 @@ const DURING: &[(&str, &str, &str)] = &[
         "crates/coupling/src/convergence.rs",
         "ten_times_the_target_is_an_error_unless_accepted",
     ),
-    ("flow.cells", "crates/coupling/src/convergence.rs", "cells_left_behind_are_reported_with_their_place"),
+    ("flow.cells", "crates/coupling/src/convergence.rs", "unconverged_cells_are_reported_with_their_place"),
     (
         "flow.steady",
         "flow-solver/tests/verification/convergence.rs",

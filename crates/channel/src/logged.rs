@@ -11,6 +11,7 @@ use case::Role;
 use log::{Level, LevelFilter, debug, info};
 
 use crate::message::{flow_stats, mesh_stats, structure_stats};
+use crate::reported_place::{at_text, reported_place};
 use crate::{Announcement, Fault, Input, Participant, ServeError, ServeOptions, Stats, Window};
 
 /// Environment variable with the level of the log: `error`, `warn`, `info` (where it is unset), `debug`, or a list of
@@ -146,7 +147,7 @@ fn effort(role: Role, values: &[f64]) -> String {
             let cell = match values[at::CELL_ERROR_TARGET] {
                 0.0 => String::new(),
                 target => {
-                    let place = place(values, at::CELL_ERROR_AT);
+                    let place = at_text(reported_place(values, at::CELL_ERROR_AT));
                     format!(", error of a cell {:.2e} of {target:.2e} allowed{place}", values[at::CELL_ERROR])
                 }
             };
@@ -156,7 +157,7 @@ fn effort(role: Role, values: &[f64]) -> String {
                 values[at::LINEAR_ITERATIONS],
                 values[at::MAX_COURANT],
                 values[at::MAX_MACH],
-                place(values, at::MAX_MACH_AT),
+                at_text(reported_place(values, at::MAX_MACH_AT)),
                 values[at::RESIDUAL_START],
                 residual(at::RESIDUAL_END, at::RESIDUAL_TARGET)
             )
@@ -172,14 +173,5 @@ fn effort(role: Role, values: &[f64]) -> String {
                 residual(at::RESIDUAL, at::RESIDUAL_TARGET)
             )
         }
-    }
-}
-
-/// ` at (x, y, z) m` with the coordinates from `index` on, or nothing where they were not reported.
-fn place(values: &[f64], index: usize) -> String {
-    match values[index..][..3] {
-        [0.0, 0.0, 0.0] => String::new(),
-        [x, y, z, ..] => format!(" at ({x:.4}, {y:.4}, {z:.4}) m"),
-        _ => String::new(),
     }
 }

@@ -179,7 +179,7 @@ pub mod flow_stats {
     pub const MAX_MACH_AT: usize = 19;
     /// Centre of the cell with the largest gauge pressure by absolute value, m: 22, 23, 24. All 0: not reported.
     pub const EXTREME_PRESSURE_AT: usize = 22;
-    /// Largest change of velocity that the residual of one cell would still cause, over the largest speed.
+    /// Largest change of velocity that the residual of one cell would still cause, over the typical speed of the flow.
     pub const CELL_ERROR: usize = 25;
     /// Value of `CELL_ERROR` up to which a solve counts as converged. 0: not stated, so not judged.
     pub const CELL_ERROR_TARGET: usize = 26;

@@ -7,11 +7,13 @@
 //! of the stage. One beyond the limit is an error, unless `--accept-unconverged` is given.
 
 use case::Role;
-use channel::{STATS, UNCONVERGED_LIMIT, Window, excess, flow_stats, residual_and_target, structure_stats};
+use channel::{
+    STATS, UNCONVERGED_LIMIT, Window, at_text, excess, flow_stats, reported_place, residual_and_target,
+    structure_stats,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Location, RunError};
-use crate::reported_place::{at_text, reported_place};
 use crate::schemes::window::report::WindowReport;
 
 /// A subproblem of a window, each with its own residual and target.
@@ -388,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn cells_left_behind_are_reported_with_their_place() {
+    fn unconverged_cells_are_reported_with_their_place() {
         let with = |error: f64| {
             let mut report = window(0.5, 0.5);
             let values = &mut report.stats[Role::Flow as usize].values;

@@ -16,13 +16,12 @@
 //! Slower growth is detected by the energy balances of structure and interface.
 
 use case::{Role, Scene};
-use channel::{STATS, flow_stats as stat};
+use channel::{STATS, flow_stats as stat, reported_place};
 use serde::{Deserialize, Serialize};
 
 use crate::boundary_drive::BoundaryDrive;
 pub use crate::impossible_flow::ImpossibleFlow;
 use crate::interface::CanopyInterface;
-use crate::reported_place::reported_place;
 
 /// Accepted multiple of the estimates.
 const FACTOR: f64 = 10.0;

@@ -1,6 +1,6 @@
 //! Error for speeds and pressures beyond physical bounds.
 
-use crate::reported_place::at_text;
+use channel::at_text;
 
 /// A flow beyond its physical bounds.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -24,7 +24,6 @@ pub mod leakage;
 pub mod local_mach;
 pub mod partners;
 pub mod release;
-mod reported_place;
 pub mod schemes;
 pub mod structure_energy;
 pub mod trajectory;

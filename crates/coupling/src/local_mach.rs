@@ -1,8 +1,6 @@
 //! Largest local Mach number of the flow: a warning where the equations lose accuracy, an error where they do not hold.
 
-use channel::{STATS, flow_stats};
-
-use crate::reported_place::{at_text, reported_place};
+use channel::{STATS, at_text, flow_stats, reported_place};
 
 /// Local Mach number above which isothermal air is inaccurate: its density is wrong by $`(\gamma-1)M^2/2`$, 1.8 %.
 const ISOTHERMAL: f64 = 0.3;

@@ -114,7 +114,7 @@ enum {
     RIPSTOP_FLOW_TURBULENCE_RESIDUAL = 18, /* Residual of the turbulence equation in the last accepted step, relative to its target; 0: not solved. */
     RIPSTOP_FLOW_MAX_MACH_AT = 19, /* Centre of the cell with the largest Mach number, m: 19, 20, 21. All 0: not reported. */
     RIPSTOP_FLOW_EXTREME_PRESSURE_AT = 22, /* Centre of the cell with the largest gauge pressure by absolute value, m: 22, 23, 24. All 0: not reported. */
-    RIPSTOP_FLOW_CELL_ERROR = 25, /* Largest change of velocity that the residual of one cell would still cause, over the largest speed. */
+    RIPSTOP_FLOW_CELL_ERROR = 25, /* Largest change of velocity that the residual of one cell would still cause, over the typical speed of the flow. */
     RIPSTOP_FLOW_CELL_ERROR_TARGET = 26, /* Value of CELL_ERROR up to which a solve counts as converged. 0: not stated, so not judged. */
     RIPSTOP_FLOW_CELL_ERROR_AT = 27, /* Centre of the cell of CELL_ERROR, m: 27, 28, 29. */
     RIPSTOP_FLOW_WAITED_S = 44 /* Time in this response for which the rank waited for other ranks of its program and for their messages, s. Of each rank, unlike the other statistics. 0: one rank, or not reported. */
