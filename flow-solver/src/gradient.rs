@@ -3,13 +3,13 @@
 //! On an even grid of hexahedra they are central differences, of second order. Where the flux may be central, a second pass makes
 //! them of fourth order ([`LeastSquares::compact_correction`]).
 
-use mesh::lanes::Real;
-use nalgebra::{Matrix3, Vector3};
+use mesh::lanes::{LANES, Lanes, Real, lane_by_lane, lanes, rows};
+use nalgebra::{Matrix3, SimdBool, Vector3};
 
 use crate::geometry::Metrics;
 use crate::geometry::vec3::{Mat3, Vec3};
 use crate::physics::velocity;
-use crate::topology::{Side, Topology};
+use crate::topology::{Adjacency, Side, Topology};
 
 /// Gradient of `N` variables: `g[direction][variable]`.
 pub type Gradient<const N: usize> = [[f64; N]; 3];
@@ -122,41 +122,33 @@ impl LeastSquares {
             reach: vec![0.0; topology.n_owned],
             shortened: Vec::new(),
         };
-        this.update(topology, metrics);
+        this.update(topology, metrics, true);
         this
     }
 
-    /// Recomputes the weights after the grid has moved.
-    pub fn update(&mut self, topology: &Topology, metrics: &Metrics) {
+    /// Recomputes the weights after the grid has moved. `renew`: also which cells are needles; a repetition of a step keeps those of its first solve, as
+    /// it keeps the blending of the fluxes.
+    pub fn update(&mut self, topology: &Topology, metrics: &Metrics, renew: bool) {
         let a = topology.stencil();
         self.images.clear();
         self.images.extend(topology.symmetry.iter().map(|side| Image::new(side, metrics)));
-        let mut images = self.images.iter_mut().peekable();
-        for i in 0..topology.n_owned {
-            let row = a.start[i] as usize..a.start[i + 1] as usize;
-            let x = metrics.centre(i);
-            // xx, yy, zz, xy, xz, yz
-            let mut m = [0.0; 6];
-            for k in row.clone() {
-                add_distance(&mut m, metrics.centre(a.cell[k] as usize) - x);
-            }
-            let mut mine: [Option<&mut Image>; FACES as usize] = Default::default();
-            for image in &mut mine {
-                *image = images.next_if(|image| image.cell as usize == i);
-                if let Some(image) = image {
-                    add_distance(&mut m, image.way);
-                }
-            }
-            let inverse = inverse(m);
-            for k in row {
-                let d = metrics.centre(a.cell[k] as usize) - x;
-                self.weight[k] = weight(&inverse, d).map(|w| w as f32);
-            }
-            for image in mine.into_iter().flatten() {
-                image.weight = weight(&inverse, image.way).into();
+        let (weight, mut images) = (&mut self.weight, self.images.as_mut_slice());
+        let mut i = 0;
+        while i < topology.n_owned {
+            let next = images.first().map_or(topology.n_owned, |image| image.cell as usize);
+            if i + LANES <= next && have_equal_rows(a, i) {
+                weigh_cells(a, metrics, i, weight);
+                i += LANES;
+            } else {
+                let here = images.iter().take_while(|image| image.cell as usize == i).count();
+                let (mine, others) = images.split_at_mut(here);
+                weigh_cell(a, metrics, i, mine, weight);
+                (images, i) = (others, i + 1);
             }
         }
-        self.find_needles(topology, metrics);
+        if renew {
+            self.find_needles(topology, metrics);
+        }
     }
 
     /// Adds the mirror images to the gradients of the owned cells at planes of symmetry: the velocity along their normal changes its sign
@@ -315,10 +307,52 @@ impl LeastSquares {
     }
 }
 
+/// Whether the rows of the cells from `i` on, [`LANES`] of them, are of one length.
+fn have_equal_rows(a: &Adjacency, i: usize) -> bool {
+    let ends = &a.start[i..=i + LANES];
+    ends.windows(2).all(|row| row[1] - row[0] == ends[1] - ends[0])
+}
+
+/// Weights of the neighbours of cell `i` and of its mirror images.
+fn weigh_cell(a: &Adjacency, metrics: &Metrics, i: usize, images: &mut [Image], weights: &mut [[f32; 3]]) {
+    let row = a.start[i] as usize..a.start[i + 1] as usize;
+    let x = metrics.centre(i);
+    let mut m = [0.0; 6];
+    for &j in &a.cell[row.clone()] {
+        add_distance(&mut m, metrics.centre(j as usize) - x);
+    }
+    images.iter().for_each(|image| add_distance(&mut m, image.way));
+    let inverse = inverse(m);
+    for (w, &j) in weights[row.clone()].iter_mut().zip(&a.cell[row]) {
+        *w = weight(&inverse, metrics.centre(j as usize) - x).map(|w| w as f32);
+    }
+    for image in images {
+        image.weight = weight(&inverse, image.way).into();
+    }
+}
+
+/// [`weigh_cell`] for the cells from `i` on, [`LANES`] of them, whose rows are of one length.
+fn weigh_cells(a: &Adjacency, metrics: &Metrics, i: usize, weights: &mut [[f32; 3]]) {
+    let starts = [0, 1, 2, 3].map(|l| a.start[i + l] as usize);
+    let neighbours = (a.start[i + 1] - a.start[i]) as usize;
+    let centre = |at: &[usize; LANES]| -> Vector3<Lanes> { rows(&metrics.centre, at).into() };
+    let x = centre(&[i, i + 1, i + 2, i + 3]);
+    let distance = |k: usize| centre(&starts.map(|start| a.cell[start + k] as usize)) - x;
+    let mut m = [lanes(|_| 0.0); 6];
+    (0..neighbours).for_each(|k| add_distance(&mut m, distance(k)));
+    let inverse = inverses(m);
+    for k in 0..neighbours {
+        let [x, y, z] = weight(&inverse, distance(k)).map(Lanes::into_arr);
+        for (l, start) in starts.iter().enumerate() {
+            weights[start + k] = [x[l] as f32, y[l] as f32, z[l] as f32];
+        }
+    }
+}
+
 /// Adds the distance `d` of a neighbour to the matrix (xx, yy, zz, xy, xz, yz) of a cell.
 #[inline(always)]
-fn add_distance(m: &mut [f64; 6], d: Vec3) {
-    let w = 1.0 / d.norm_squared();
+fn add_distance<T: Real>(m: &mut [T; 6], d: Vector3<T>) {
+    let w = T::splat(1.0) / square(&d);
     for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
         *m += w * d[p] * d[q];
     }
@@ -326,8 +360,8 @@ fn add_distance(m: &mut [f64; 6], d: Vec3) {
 
 /// Weight of a neighbour at the distance `d`, with the inverse of the matrix of the cell.
 #[inline(always)]
-fn weight(inverse: &[f64; 6], d: Vec3) -> [f64; 3] {
-    let w = d * (1.0 / d.norm_squared());
+fn weight<T: Real>(inverse: &[T; 6], d: Vector3<T>) -> [T; 3] {
+    let w = d * (T::splat(1.0) / square(&d));
     [
         inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2],
         inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2],
@@ -335,17 +369,39 @@ fn weight(inverse: &[f64; 6], d: Vec3) -> [f64; 3] {
     ]
 }
 
-/// Inverse of a symmetric matrix (xx, yy, zz, xy, xz, yz); where neighbours do
-/// not span a direction, the pseudo-inverse: no gradient along it.
-fn inverse(m: [f64; 6]) -> [f64; 6] {
+/// Square of the length, lane by lane.
+#[inline(always)]
+fn square<T: Real>(d: &Vector3<T>) -> T {
+    d.x * d.x + d.y * d.y + d.z * d.z
+}
+
+/// Cofactors and determinant of a symmetric matrix (xx, yy, zz, xy, xz, yz), and whether it is regular: eigenvalues below about 1e-3 of the largest count as
+/// absent.
+#[inline(always)]
+fn cofactors<T: Real>(m: [T; 6]) -> ([T; 6], T, T::SimdBool) {
     let [a, b, c, d, e, f] = m;
     let cof = [b * c - f * f, a * c - e * e, a * b - d * d, e * f - c * d, d * f - b * e, d * e - a * f];
     let det = a * cof[0] + d * cof[3] + e * cof[4];
     let trace = a + b + c;
-    // Eigenvalues below about 1e-3 of the largest count as absent.
-    if det > 1e-6 * trace * trace * trace {
+    (cof, det, det.simd_gt(T::splat(1e-6) * trace * trace * trace))
+}
+
+/// [`inverse`] of each lane.
+#[inline(always)]
+fn inverses(m: [Lanes; 6]) -> [Lanes; 6] {
+    let (cof, det, regular) = cofactors(m);
+    if regular.all() { cof.map(|x| x / det) } else { lane_by_lane(m, inverse) }
+}
+
+/// Inverse of a symmetric matrix (xx, yy, zz, xy, xz, yz); where neighbours do
+/// not span a direction, the pseudo-inverse: no gradient along it.
+fn inverse(m: [f64; 6]) -> [f64; 6] {
+    let (cof, det, regular) = cofactors(m);
+    if regular {
         return cof.map(|x| x / det);
     }
+    let [a, b, c, d, e, f] = m;
+    let trace = a + b + c;
     let eigen = Mat3::new(a, d, e, d, b, f, e, f, c).symmetric_eigen();
     let mut out = [0.0; 6];
     for k in 0..3 {
@@ -367,6 +423,33 @@ mod tests {
     fn full(m: [f64; 6]) -> Mat3 {
         let [a, b, c, d, e, f] = m;
         Mat3::new(a, d, e, d, b, f, e, f, c)
+    }
+
+    /// Cells in lanes have the weights of single ones, also where the neighbours of one of them lie in a plane.
+    #[test]
+    fn lanes_have_the_weights_of_single_cells() {
+        let (cells, others) = (LANES as u32, 12);
+        for flat in [None, Some(2)] {
+            let mut metrics = Metrics::default();
+            metrics.centre = (0..cells + others)
+                .map(|i| [1.7, 2.9, 4.3].map(|k| (k * (f64::from(i) + 1.0) * f64::from(i)).sin()))
+                .collect();
+            // The neighbours of a cell are those of others with the same remainder.
+            let cell = (0..cells).flat_map(|i| (0..6).map(move |k| cells + (i + 2 * k) % others)).collect();
+            let a = Adjacency { start: (0..=cells).map(|i| 6 * i).collect(), cell, ..Adjacency::default() };
+            if let Some(flat) = flat {
+                let row = a.start[flat] as usize..a.start[flat + 1] as usize;
+                let height = metrics.centre[flat][2];
+                a.cell[row].iter().for_each(|&j| metrics.centre[j as usize][2] = height);
+            }
+            let mut single = vec![[0.0; 3]; a.cell.len()];
+            let mut in_lanes = single.clone();
+            assert!(have_equal_rows(&a, 0));
+            (0..LANES).for_each(|i| weigh_cell(&a, &metrics, i, &mut [], &mut single));
+            weigh_cells(&a, &metrics, 0, &mut in_lanes);
+            assert_eq!(single, in_lanes);
+            assert!(single.iter().flatten().all(|w| w.is_finite()));
+        }
     }
 
     /// Any regular matrix, and pseudo-inverses of matrices of lower rank: `A X A = A`, `X A X = X`, both products

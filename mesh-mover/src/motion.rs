@@ -456,11 +456,11 @@ impl Motion {
     /// Quality of the grid at `x` (local nodes). Collective.
     pub fn shape(&self, x: &[f64]) -> MeshQuality {
         let (mut quality, mut worst, mut ratio) = (f64::INFINITY, None, f64::INFINITY);
-        self.grid.shapes.each(&self.grid.cells, 0..self.grid.cells.len(), x, |c, p, q| {
+        self.grid.shapes.each(&self.grid.cells, x, |c, q, volume| {
             if q < quality {
                 (quality, worst) = (q, Some(c));
             }
-            ratio = lower(ratio, volume(p) / self.start_volumes[c]);
+            ratio = lower(ratio, volume / self.start_volumes[c]);
         });
         let (cell, at) = match worst {
             Some(c) => (self.grid.cell_global[c], self.grid.centre(c, x)),

@@ -47,6 +47,12 @@ const USERS: &[(&str, &str, &str)] = &[
         "solvers behind preCICE",
         "Folder into which the solver writes the files that it needs to continue. The bridge sets it.",
     ),
+    (
+        "GLIBC_TUNABLES",
+        "solver programs",
+        "Settings of the C library. Where it is unset, `ripstop` sets it to `glibc.malloc.hugetlb=1` for the programs that it starts: large arrays then lie in large \
+         pages (Linux, glibc 2.35 and later). Set it to anything else, as `glibc.malloc.hugetlb=0`, to keep small pages.",
+    ),
     ("NO_COLOR", "ripstop", "If set, output on the terminal has no colours."),
 ];
 

@@ -24,6 +24,7 @@ mod ilu;
 mod jacobi;
 mod krylov;
 mod operator;
+mod prefetch;
 mod schwarz;
 mod subsystem;
 mod symmetric;

@@ -5,6 +5,7 @@ use std::rc::Rc;
 use comm::Halo;
 
 use crate::block::{Real, accumulate};
+use crate::prefetch::prefetch;
 use crate::{BlockCsr, Operator};
 
 /// A symmetric matrix by the blocks left of the diagonal, the diagonal ones, and those of
@@ -23,6 +24,9 @@ pub struct SymmetricCsr<const B: usize, T: Real = f64> {
     /// Rows with ghosts.
     boundary: Vec<u32>,
 }
+
+/// Rows that products and sweeps ask the cache for in advance.
+pub(crate) const AHEAD: usize = 4;
 
 impl<const B: usize, T: Real> SymmetricCsr<B, T> {
     /// Keeps the half of `a` that decides: what stands right of the diagonal is taken to be the
@@ -84,6 +88,16 @@ impl<const B: usize, T: Real> SymmetricCsr<B, T> {
         (&self.cols[slots.clone()], &self.values[slots])
     }
 
+    /// Asks the cache for the blocks left of the diagonal of a row.
+    #[inline(always)]
+    pub(crate) fn prefetch(&self, row: usize) {
+        if row < self.n_rows() {
+            let slots = self.row_ptr[row]..self.diagonal[row];
+            prefetch(&self.cols[slots.clone()]);
+            prefetch(&self.values[slots]);
+        }
+    }
+
     /// Rows with ghosts: row, columns, blocks.
     #[allow(clippy::type_complexity)]
     pub(crate) fn ghosts(&self) -> impl Iterator<Item = (usize, &[u32], &[[[T; B]; B]])> {
@@ -96,6 +110,7 @@ impl<const B: usize, T: Real> SymmetricCsr<B, T> {
     /// The product with owned columns.
     fn multiply_owned(&self, x: &[[f64; B]], y: &mut [[f64; B]]) {
         for i in 0..self.n_rows() {
+            self.prefetch(i + AHEAD);
             let (cols, values) = self.lower(i);
             let mut sum = [[0.0; B]; B];
             let xi = x[i];

@@ -1,7 +1,7 @@
 //! Geometry of the grid for the residual, in flat arrays.
 
 use comm::Halo;
-use mesh::lanes::{LANES, Lanes, Real, columns};
+use mesh::lanes::{LANES, Lanes, Real, columns, rows};
 use nalgebra::Vector3;
 
 use super::face::{self, FaceShape};
@@ -90,7 +90,7 @@ fn cube_root(v: f64) -> f64 {
 
 /// The vector of each lane.
 #[inline(always)]
-fn rows(v: Vector3<Lanes>) -> [Vec3; LANES] {
+fn vectors(v: Vector3<Lanes>) -> [Vec3; LANES] {
     let (x, y, z) = (v.x.into_arr(), v.y.into_arr(), v.z.into_arr());
     let one = |l: usize| Vec3::new(x[l], y[l], z[l]);
     [one(0), one(1), one(2), one(3)]
@@ -100,6 +100,12 @@ fn rows(v: Vector3<Lanes>) -> [Vec3; LANES] {
 #[inline(always)]
 fn is_triangle(nodes: &[u32; 4]) -> bool {
     nodes[2] == nodes[3]
+}
+
+/// Those of the cells `at` among their centres or shifts `x`.
+#[inline(always)]
+fn at_lanes(x: &[[f64; 3]], at: &[usize; LANES]) -> Vector3<Lanes> {
+    rows(x, at).into()
 }
 
 /// Four of the points `x`.
@@ -119,20 +125,41 @@ fn corners(nodes: &[[u32; 4]; LANES], x: &[Vec3]) -> [Vector3<Lanes>; 4] {
 
 /// The shape of each face of a batch.
 #[inline(always)]
-fn shapes(nodes: &[[u32; 4]; LANES], x: &[Vec3]) -> [FaceShape; LANES] {
-    if nodes.iter().any(is_triangle) {
-        return nodes.each_ref().map(|n| shape(n, x));
+fn shapes(nodes: &[[u32; 4]; LANES], x: &[Vec3]) -> FaceShape<Lanes> {
+    if !nodes.iter().any(is_triangle) {
+        return face::shape_of_quadrilateral(&corners(nodes, x));
     }
-    let FaceShape { area, middle, centre } = face::shape_of_quadrilateral(&corners(nodes, x));
-    let [area, middle, centre] = [rows(area), rows(middle), rows(centre)];
-    let one = |l: usize| FaceShape { area: area[l], middle: middle[l], centre: centre[l] };
-    [one(0), one(1), one(2), one(3)]
+    let [a, b, c, d] = nodes.each_ref().map(|n| shape(n, x));
+    let each = |of: fn(&FaceShape) -> &Vec3| columns([&a, &b, &c, &d].map(|s| of(s).as_ref())).into();
+    FaceShape { area: each(|s| &s.area), middle: each(|s| &s.middle), centre: each(|s| &s.centre) }
 }
 
 /// The shape of the face with the nodes `nodes` at `x`.
 #[inline(always)]
 fn shape(nodes: &[u32; 4], x: &[Vec3]) -> FaceShape {
     face::shape(&nodes.map(|n| x[n as usize]), is_triangle(nodes))
+}
+
+/// What a face adds to the volume (m3) of a cell on the side `sign`, and to that times the distance of the cell's centre of volume from `r` (m4): the divergence
+/// theorem, by the triangles about the middle of the face, on each of which x - middle is normal to dA.
+#[inline(always)]
+fn volume_and_moment<T: Real>(shape: &FaceShape<T>, sign: f64, r: Vector3<T>) -> (T, Vector3<T>) {
+    let v = dot(&(shape.middle - r), &shape.area) * T::splat(sign) / T::splat(3.0);
+    (v, (shape.centre - r) * (T::splat(0.75) * v))
+}
+
+/// Scalar product, lane by lane.
+#[inline(always)]
+fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+/// Distance along the normal of a face of two centres `d` apart; a skewed pair of cells keeps a positive one.
+#[inline(always)]
+fn spacing<T: Real>(d: &Vector3<T>, area: &Vector3<T>) -> T {
+    let along = dot(d, area) / dot(area, area).simd_sqrt();
+    let least = T::splat(0.2) * dot(d, d).simd_sqrt();
+    along.select(along.simd_gt(least), least)
 }
 
 /// Faces, volumes and centres at one time level.
@@ -203,40 +230,44 @@ impl Metrics {
         self.volume.fill(0.0);
         moment.fill([0.0; 3]);
         let (volume, centre) = (&mut self.volume, &self.centre);
-        let mut add_side = |cell: u32, sign: f64, shape: &FaceShape| {
-            let c = cell as usize;
-            if c < n_owned {
-                let r = Vec3::from(centre[c]);
-                // Divergence theorem; on each triangle about the middle, x - middle is normal to dA.
-                let v = sign * (shape.middle - r).dot(&shape.area) / 3.0;
-                volume[c] += v;
-                moment[c] = (Vec3::from(moment[c]) + (shape.centre - r) * (0.75 * v)).into();
+        let mut add = |cell: usize, (v, m): (f64, Vec3)| {
+            if cell < n_owned {
+                volume[cell] += v;
+                moment[cell] = (Vec3::from(moment[cell]) + m).into();
             }
         };
         let between = topology.cells.len();
-        let mut add_face = |f: &mut FaceMetric, &[i, j]: &[u32; 2], shape: &FaceShape| {
-            f.area = shape.area;
-            // From a point near the centre, which is not known yet.
-            f.offset = (shape.centre - Vec3::from(centre[i as usize])).map(|x| x as f32).into();
-            add_side(i, 1.0, shape);
-            add_side(j, -1.0, shape);
-        };
         let (batches, rest) = topology.cells.as_chunks::<LANES>();
         let (nodes, nodes_of_rest) = topology.face_nodes[..between].as_chunks::<LANES>();
         let (faces, faces_of_rest) = self.faces[..between].as_chunks_mut::<LANES>();
         for ((faces, cells), nodes) in faces.iter_mut().zip(batches).zip(nodes) {
-            for ((f, cells), shape) in faces.iter_mut().zip(cells).zip(&shapes(nodes, x)) {
-                add_face(f, cells, shape);
+            let shape = shapes(nodes, x);
+            let [i, j] = [0, 1].map(|side| cells.map(|c| c[side] as usize));
+            let (ri, rj) = (at_lanes(centre, &i), at_lanes(centre, &j));
+            let (vi, mi) = volume_and_moment(&shape, 1.0, ri);
+            let (vj, mj) = volume_and_moment(&shape, -1.0, rj);
+            // From a point near the centre, which is not known yet.
+            let (area, offset) = (vectors(shape.area), vectors(shape.centre - ri));
+            let (vi, mi, vj, mj) = (vi.into_arr(), vectors(mi), vj.into_arr(), vectors(mj));
+            for (l, f) in faces.iter_mut().enumerate() {
+                (f.area, f.offset) = (area[l], offset[l].map(|x| x as f32).into());
+                add(i[l], (vi[l], mi[l]));
+                add(j[l], (vj[l], mj[l]));
             }
         }
-        for ((f, cells), nodes) in faces_of_rest.iter_mut().zip(rest).zip(nodes_of_rest) {
-            add_face(f, cells, &shape(nodes, x));
+        for ((f, &[i, j]), nodes) in faces_of_rest.iter_mut().zip(rest).zip(nodes_of_rest) {
+            let shape = shape(nodes, x);
+            let [ri, rj] = [i, j].map(|c| Vec3::from(centre[c as usize]));
+            (f.area, f.offset) = (shape.area, (shape.centre - ri).map(|x| x as f32).into());
+            add(i as usize, volume_and_moment(&shape, 1.0, ri));
+            add(j as usize, volume_and_moment(&shape, -1.0, rj));
         }
         for side in topology.sides() {
             let shape = shape(&topology.face_nodes[side.face as usize], x);
             self.faces[side.face as usize].area = shape.area;
             self.border[side.face as usize - between] = shape.centre;
-            add_side(side.cell, side.sign, &shape);
+            let cell = side.cell as usize;
+            add(cell, volume_and_moment(&shape, side.sign, centre[cell].into()));
         }
         for (m, &v) in moment[..n_owned].iter_mut().zip(&*volume) {
             *m = if v > 0.0 { (Vec3::from(*m) * (1.0 / v)).into() } else { [0.0; 3] };
@@ -258,12 +289,21 @@ impl Metrics {
     /// What the faces know of the centres, which have been shifted.
     fn measure_spacings(&mut self, topology: &Topology, shift: &[[f64; 3]]) {
         let centre = &self.centre;
-        for (f, &[i, j]) in self.faces.iter_mut().zip(&topology.cells) {
-            let (i, j) = (i as usize, j as usize);
+        let (batches, rest) = topology.cells.as_chunks::<LANES>();
+        let (faces, faces_of_rest) = self.faces[..topology.cells.len()].as_chunks_mut::<LANES>();
+        for (faces, cells) in faces.iter_mut().zip(batches) {
+            let [i, j] = [0, 1].map(|side| cells.map(|c| c[side] as usize));
+            let FaceGeometry { area, offset, .. } = FaceGeometry::batch(faces.each_ref());
+            let offset = vectors(offset - at_lanes(shift, &i));
+            let spacing = spacing(&(at_lanes(centre, &j) - at_lanes(centre, &i)), &area).into_arr();
+            for (l, f) in faces.iter_mut().enumerate() {
+                (f.offset, f.spacing) = (offset[l].map(|x| x as f32).into(), spacing[l] as f32);
+            }
+        }
+        for (f, cells) in faces_of_rest.iter_mut().zip(rest) {
+            let [i, j] = cells.map(|c| c as usize);
             f.offset = (f.offset() - Vec3::from(shift[i])).map(|x| x as f32).into();
-            let d = Vec3::from(centre[j]) - Vec3::from(centre[i]);
-            // A skewed pair of cells keeps a positive spacing.
-            f.spacing = (d.dot(&f.area) / f.magnitude()).max(0.2 * d.norm()) as f32;
+            f.spacing = spacing(&(Vec3::from(centre[j]) - Vec3::from(centre[i])), &f.area) as f32;
         }
         for side in topology.sides() {
             self.faces[side.face as usize].spacing = self.height(side) as f32;

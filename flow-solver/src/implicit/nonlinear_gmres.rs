@@ -92,11 +92,10 @@ impl NonlinearGmres {
         }
         let new = self.open.then_some(self.next);
         if self.open {
-            let (s, t) = (&mut self.states[self.next], &mut self.residuals[self.next]);
-            for i in 0..q.len() {
-                s[i] = (q[i] - self.last_state[i]) as f32;
-                t[i] = (r[i] - f64::from(self.last_residual[i])) as f32;
-            }
+            let states = self.states[self.next].iter_mut().zip(&*q).zip(&self.last_state);
+            states.for_each(|((s, q), last)| *s = (q - last) as f32);
+            let residuals = self.residuals[self.next].iter_mut().zip(&*r).zip(&self.last_residual);
+            residuals.for_each(|((t, r), last)| *t = (r - f64::from(*last)) as f32);
             self.next = (self.next + 1) % self.states.len();
             self.used = (self.used + 1).min(self.states.len());
         }
@@ -112,12 +111,7 @@ impl NonlinearGmres {
         // Only the products with what is new are to be computed.
         let mut sums = [0.0; 64];
         let (with_new, with_r) = sums[..2 * m].split_at_mut(m);
-        for a in 0..m {
-            if let Some(new) = new {
-                with_new[a] = dot(&self.residuals[a], &self.residuals[new]);
-            }
-            with_r[a] = -dot_mixed(&self.residuals[a], r);
-        }
+        add_products(&self.residuals[..m], new, r, with_new, with_r);
         comm.sum_slice(&mut sums[..2 * m]);
         if let Some(new) = new {
             for a in 0..m {
@@ -137,9 +131,31 @@ impl NonlinearGmres {
     }
 }
 
+/// Numbers of a vector that stay in the cache while all columns are combined with them.
+const BLOCK: usize = 1024;
+
+/// Adds the inner products of each of the `columns` with the one numbered `new` and with `-r`, block by block, so that each passes memory once.
+fn add_products(
+    columns: &[Vec<f32>],
+    new: Option<usize>,
+    r: &[f64],
+    with_new: &mut [f64],
+    with_r: &mut [f64],
+) {
+    for (k, r) in r.chunks(BLOCK).enumerate() {
+        let block = k * BLOCK..k * BLOCK + r.len();
+        for (a, column) in columns.iter().enumerate() {
+            let column = &column[block.clone()];
+            if let Some(new) = new {
+                with_new[a] += dot(column, &columns[new][block.clone()]);
+            }
+            with_r[a] -= dot_mixed(column, r);
+        }
+    }
+}
+
 /// `x += sum of alpha[a] * columns[a]`, block by block, so that `x` passes memory once.
 fn add_combination(x: &mut [f64], columns: &[Vec<f32>], alpha: &[f64; 32]) {
-    const BLOCK: usize = 1024;
     for (k, x) in x.chunks_mut(BLOCK).enumerate() {
         for (column, &w) in columns.iter().zip(alpha) {
             if w != 0.0 {
@@ -266,6 +282,21 @@ mod tests {
             let exact: f64 = (0..n).map(f64::from).map(|i| (1.0 + i) * (2.0 - 0.5 * i)).sum();
             assert_eq!(dot(&a, &b), exact, "{n}");
             assert_eq!(dot_mixed(&a, &b.iter().map(|b| f64::from(*b)).collect::<Vec<_>>()), exact, "{n}");
+        }
+    }
+
+    /// More than one block, the last one incomplete.
+    #[test]
+    fn products_of_columns_are_those_of_whole_vectors() {
+        let n = 2 * BLOCK as i32 + 37;
+        let column = |a: i32| -> Vec<f32> { (0..n).map(|i| ((i * (a + 3)) % 17 - 8) as f32).collect() };
+        let columns = [column(0), column(1), column(2)];
+        let r: Vec<f64> = (0..n).map(|i| f64::from((7 * i) % 13 - 6)).collect();
+        let (mut with_new, mut with_r) = ([0.0; 3], [0.0; 3]);
+        add_products(&columns, Some(1), &r, &mut with_new, &mut with_r);
+        // Sums of integers are exact.
+        for a in 0..3 {
+            assert_eq!((with_new[a], with_r[a]), (dot(&columns[a], &columns[1]), -dot_mixed(&columns[a], &r)));
         }
     }
 

@@ -9,6 +9,7 @@ use super::prolongation::Prolongation;
 use super::{AmgError, AmgParams, MODES, coarsen};
 use crate::block::{Real, invert};
 use crate::jacobi::SingularBlock;
+use crate::symmetric::AHEAD;
 use crate::{BlockCsr, SymmetricCsr};
 
 pub(super) struct Level<const F: usize, T: Real> {
@@ -163,6 +164,7 @@ impl<const F: usize, T: Real> Level<F, T> {
         let (r, x) = (r.as_chunks::<F>().0, x.as_chunks_mut::<F>().0);
         let residual = residual.as_chunks_mut::<F>().0;
         for i in 0..self.a.n_rows() {
+            self.a.prefetch(i + AHEAD);
             let (cols, values) = self.a.lower(i);
             let mut s = r[i];
             subtract(&mut s, cols, values, x);
@@ -187,6 +189,7 @@ impl<const F: usize, T: Real> Level<F, T> {
     fn backward(&self, rest: &mut [T], x: &mut [T]) {
         let (rest, x) = (rest.as_chunks_mut::<F>().0, x.as_chunks_mut::<F>().0);
         for i in (0..self.a.n_rows()).rev() {
+            self.a.prefetch(i.wrapping_sub(AHEAD));
             let (cols, values) = self.a.lower(i);
             let mut s = rest[i];
             (0..F).for_each(|c| s[c] += self.extra[i][c] * x[i][c]);

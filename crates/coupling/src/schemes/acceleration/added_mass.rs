@@ -1,12 +1,10 @@
 //! Relaxation by the added mass of potential flow.
 
-use faer::Mat;
-use faer::prelude::Solve;
 use nalgebra::{DMatrix, DVector, Matrix3};
 
 use super::relaxation::Relaxation;
 use crate::geometry::{Vec3, at, direction, distinct};
-use crate::schemes::surrogate::inverse::Inverse;
+use crate::schemes::surrogate::inverse::ShortMatrix;
 use crate::schemes::surrogate::orientation::Orientation;
 use crate::schemes::surrogate::panel_groups::PanelGroups;
 use crate::schemes::surrogate::vortex_lattice::{Air, VortexLattice};
@@ -70,9 +68,9 @@ pub struct AddedMassRelaxation {
     /// Faces at each node.
     node_faces: Vec<f64>,
     groups: PanelGroups,
-    /// g and $`(A + gI)^{-1}`$, of which $`(I + G)^{-1} = I - g (A + gI)^{-1}`$.
+    /// g and $`(I + G)^{-1}`$.
     gain: f64,
-    inverse: Inverse,
+    relaxation: ShortMatrix,
     /// Step per residual for waves shorter than the faces resolve.
     short_wave_factor: f64,
     /// Normals of the groups n, $`\rho A^{-T} a`$ of their area vectors a, and $`(I+G)^{-1} G n`$: `[groups][3]` in the
@@ -103,25 +101,24 @@ impl AddedMassRelaxation {
         if faces.is_empty() || masses.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let VortexLattice { positions, areas, normals, groups, influence, factors: of_influence, .. } =
-            lattice;
+        let VortexLattice { positions, areas, normals, groups, influence, inverse, .. } = lattice;
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
         let gain = masses.difference.powi(2) * masses.response * masses.air.density / masses.fabric_kg_m2;
-        let inverse = Inverse::single(&(influence + DMatrix::identity(n, n) * gain))?;
+        let relaxation = ShortMatrix::relaxation(influence, gain)?;
         let mut node_faces = vec![0.0; positions.len()];
         faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
         // Force of the air per acceleration of the faces along their normals, in each axis.
-        let mut outwards = Mat::<f64>::zeros(n, 3);
+        let mut outwards = DMatrix::zeros(n, 3);
         for (area, &g) in areas.iter().zip(&groups.of) {
             (0..3).for_each(|i| outwards[(g as usize, i)] += masses.air.density * area[i]);
         }
-        let forces = of_influence.solve_transpose(outwards);
+        let forces = |i: usize| DVector::from_vec(inverse.apply_transposed(outwards.column(i).as_slice()));
         let means = |i: usize| groups.means(&normals.iter().map(|normal| normal[i]).collect::<Vec<_>>());
         let group_normals = DMatrix::from_columns(&[0, 1, 2].map(|i| DVector::from_vec(means(i))));
         let relaxed = |i: usize| {
             let normals = group_normals.column(i).into_owned();
-            &normals - apply_inverse(gain, &inverse, &normals)
+            &normals - DVector::from_vec(relaxation.apply(normals.as_slice()))
         };
         // A zigzag between nodes has twice the face as wave length: A is pi/2 over its edge.
         let edge = (sizes.iter().sum::<f64>() / faces.len() as f64).sqrt();
@@ -139,8 +136,8 @@ impl AddedMassRelaxation {
             short_wave_factor,
             relaxed_normals: DMatrix::from_columns(&[0, 1, 2].map(relaxed)),
             group_normals,
-            group_forces: DMatrix::from_fn(n, 3, |i, j| forces[(i, j)]),
-            inverse,
+            group_forces: DMatrix::from_columns(&[0, 1, 2].map(forces)),
+            relaxation,
             force: DMatrix::zeros(n, 0),
             relaxed: DMatrix::zeros(n, 0),
             frame_inverse: DMatrix::zeros(0, 0),
@@ -191,7 +188,7 @@ impl AddedMassRelaxation {
     /// Normal steps of the groups and step of the frame for their residuals $`r`$ and $`r_V`$, by elimination of
     /// $`\delta x`$.
     fn solve(&self, r: &DVector<f64>, r_v: DVector<f64>) -> (DVector<f64>, DVector<f64>) {
-        let mut normal_steps = apply_inverse(self.gain, &self.inverse, r);
+        let mut normal_steps = DVector::from_vec(self.relaxation.apply(r.as_slice()));
         let a = self.masses.difference;
         let frame = &self.frame_inverse * (r_v - self.force.tr_mul(&normal_steps) * a.powi(2));
         normal_steps.gemv(-1.0 / a, &self.relaxed, &frame, 1.0);
@@ -295,11 +292,6 @@ impl AddedMassRelaxation {
     }
 }
 
-/// $`(I + G)^{-1} r`$ with $`G = g A^{-1}`$.
-fn apply_inverse(gain: f64, inverse: &Inverse, r: &DVector<f64>) -> DVector<f64> {
-    r - DVector::from_vec(inverse.apply(r.as_slice())) * gain
-}
-
 #[cfg(test)]
 mod tests {
     use nalgebra::Rotation3;
@@ -385,9 +377,10 @@ mod tests {
                 |axis: usize| lattice.areas.iter().zip(jumps.iter()).map(|(a, p)| a[axis] * p).sum::<f64>();
             let r_v = &dv + DVector::from_iterator(axes.len(), axes.range().map(force));
             let (found, frame) = model.solve(&r, r_v);
-            // The inverse is in single precision.
-            assert!((frame - &dv).norm() < 1e-5, "{axes:?}");
-            assert!((found - &dx).norm() < 1e-5 * dx.norm(), "{axes:?}");
+            let errors = [(frame - &dv).norm(), (found - &dx).norm() / dx.norm()];
+            println!("{axes:?}: {errors:?}");
+            // Each of 144 numbers of a row is off by a unit of 16 bits at most (`ShortMatrix`), and the residual is 15 times the motion.
+            assert!(errors.iter().all(|e| *e < 3e-4), "{axes:?}: {errors:?}");
         }
     }
 

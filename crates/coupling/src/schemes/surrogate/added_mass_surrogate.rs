@@ -27,7 +27,7 @@ use channel::LOAD_WIDTH;
 use serde::{Deserialize, Serialize};
 
 use super::closed_volume::{self, ClosedVolume, Finding};
-use super::inverse::Inverse;
+use super::inverse::ShortMatrix;
 use super::orientation::{Orientation, best_rotation};
 use super::panel_groups::PanelGroups;
 use super::vortex_lattice::{Air, VortexLattice};
@@ -119,7 +119,7 @@ pub struct AddedMassSurrogate {
     areas: Vec<Vec3>,
     groups: PanelGroups,
     /// Inverse of the influence matrix.
-    inverse: Inverse,
+    inverse: ShortMatrix,
     /// Newest first.
     kinematics: VecDeque<InterfaceKinematics>,
     /// Length of the last window, s; 0 before it.
@@ -145,7 +145,6 @@ impl AddedMassSurrogate {
         if faces.is_empty() {
             return None;
         }
-        let inverse = Inverse::of(&lattice.factors)?;
         let moved = displacement.chunks_exact(3);
         let reference = lattice.positions.iter().zip(moved).map(|(x, d)| x - Vec3::from_column_slice(d));
         let at_rest = velocity.repeat(lattice.positions.len());
@@ -164,7 +163,7 @@ impl AddedMassSurrogate {
             normals: lattice.normals.clone(),
             areas: lattice.areas.clone(),
             groups: lattice.groups.clone(),
-            inverse,
+            inverse: lattice.inverse.clone(),
             kinematics,
             dt: 0.0,
             secants: VecDeque::new(),
@@ -226,7 +225,7 @@ impl AddedMassSurrogate {
         let _part = timing::part("added mass assembly");
         let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
         let lattice = VortexLattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
-        self.inverse = Inverse::of(&lattice.factors)?;
+        self.inverse.clone_from(&lattice.inverse);
         self.normals.clone_from(&lattice.normals);
         self.assembled_normals.clone_from(&lattice.normals);
         self.areas.clone_from(&lattice.areas);

@@ -23,12 +23,14 @@ pub(super) fn definite(influence: DMatrix<f64>, areas: &[f64]) -> DMatrix<f64> {
         return influence;
     }
     let scaled = |i: usize, j: usize| influence[(i, j)] * root[i] / root[j];
-    let symmetric = Mat::from_fn(n, n, |i, j| 0.5 * (scaled(i, j) + scaled(j, i)));
+    let symmetric = |i: usize, j: usize| 0.5 * (scaled(i, j) + scaled(j, i));
     let least = LEAST / total.sqrt();
-    let shifted = Mat::from_fn(n, n, |i, j| symmetric[(i, j)] - if i == j { least } else { 0.0 });
-    if shifted.llt(Side::Lower).is_ok() {
+    // The bound is not sharp: single precision decides.
+    let shifted = |i: usize, j: usize| symmetric(i, j) - if i == j { least } else { 0.0 };
+    if Mat::from_fn(n, n, |i, j| if i < j { 0.0 } else { shifted(i, j) as f32 }).llt(Side::Lower).is_ok() {
         return influence;
     }
+    let symmetric = Mat::from_fn(n, n, symmetric);
     let Ok(modes) = symmetric.self_adjoint_eigen(Side::Lower) else { return influence };
     let (vectors, values) = (modes.U(), modes.S());
     let weighted = Mat::from_fn(n, n, |i, k| vectors[(i, k)] * values[k].abs().max(least));

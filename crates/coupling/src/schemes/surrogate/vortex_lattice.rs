@@ -14,9 +14,9 @@
 
 use std::collections::BTreeMap;
 
-use faer::linalg::solvers::PartialPivLu;
 use nalgebra::{DMatrix, DVector};
 
+use super::inverse::ShortMatrix;
 use super::panel_groups::PanelGroups;
 use super::vortex_rings::VortexRings;
 use crate::geometry::{Vec3, centre, direction, distinct, quad_area_vector};
@@ -36,8 +36,8 @@ pub struct VortexLattice {
     /// Normal velocity at group i per strength of the ring around group j, 1/m: for a jump of the potential $`\Gamma`$,
     /// $`A\Gamma`$ is the velocity of the surface.
     pub influence: DMatrix<f64>,
-    /// Factors of it.
-    pub(crate) factors: PartialPivLu<f64>,
+    /// Its inverse.
+    pub(crate) inverse: ShortMatrix,
 }
 
 /// Properties of the air.
@@ -63,7 +63,7 @@ impl Air {
 
 impl VortexLattice {
     /// With at most `most` rings, in air with the `screening` $`\kappa`$ (1/m); `None` where the faces cannot be merged
-    /// into so few groups.
+    /// into so few groups, or where the matrix is singular.
     ///
     /// The ring of a group runs along its outline, and its velocity is the area-weighted mean over its faces.
     /// (Collocation at the centroid alone was less accurate for all motions, and much less for irregular groups.)
@@ -92,8 +92,8 @@ impl VortexLattice {
         }
         let influence = transposed.transpose();
         let influence = super::definite::definite(influence, &groups.areas(&areas));
-        let factors = super::inverse::factors(&influence);
-        Some(Self { positions, screening, areas, normals, groups, influence, factors })
+        let inverse = ShortMatrix::inverse(&influence)?;
+        Some(Self { positions, screening, areas, normals, groups, influence, inverse })
     }
 }
 
