@@ -200,7 +200,7 @@ fn gpu() -> Result<Rc<dyn Device>, Fault> {
 #[cfg(not(feature = "gpu"))]
 fn gpu() -> Result<Rc<dyn Device>, Fault> {
     Err(Fault::new(
-        "flow.immersed.device = \"gpu\": this flow-solver was built without it; cargo build --release --locked --workspace --bins --features flow-solver/gpu",
+        "flow.immersed.device = \"gpu\": this flow-solver was built without it; cargo build --release --locked --features flow-solver/gpu",
     ))
 }
 
