@@ -296,7 +296,10 @@ mod tests {
         add_products(&columns, Some(1), &r, &mut with_new, &mut with_r);
         // Sums of integers are exact.
         for a in 0..3 {
-            assert_eq!((with_new[a], with_r[a]), (dot(&columns[a], &columns[1]), -dot_mixed(&columns[a], &r)));
+            assert_eq!(
+                (with_new[a], with_r[a]),
+                (dot(&columns[a], &columns[1]), -dot_mixed(&columns[a], &r))
+            );
         }
     }
 
