@@ -122,13 +122,12 @@ impl LeastSquares {
             reach: vec![0.0; topology.n_owned],
             shortened: Vec::new(),
         };
-        this.update(topology, metrics, true);
+        this.update(topology, metrics);
         this
     }
 
-    /// Recomputes the weights after the grid has moved. `renew`: also which cells are needles; a repetition of a step keeps those of its first solve, as
-    /// it keeps the blending of the fluxes.
-    pub fn update(&mut self, topology: &Topology, metrics: &Metrics, renew: bool) {
+    /// Recomputes the weights after the grid has moved.
+    pub fn update(&mut self, topology: &Topology, metrics: &Metrics) {
         let a = topology.stencil();
         self.images.clear();
         self.images.extend(topology.symmetry.iter().map(|side| Image::new(side, metrics)));
@@ -146,9 +145,7 @@ impl LeastSquares {
                 (images, i) = (others, i + 1);
             }
         }
-        if renew {
-            self.find_needles(topology, metrics);
-        }
+        self.find_needles(topology, metrics);
     }
 
     /// Adds the mirror images to the gradients of the owned cells at planes of symmetry: the velocity along their normal changes its sign

@@ -90,6 +90,8 @@ struct Iteration {
     cell: CellError,
     /// Share of each correction that is taken.
     share: f64,
+    /// Whether the matrices of the last correction are reused.
+    assembled: bool,
     /// Corrections, and iterations of the linear solver in them.
     iterations: usize,
     linear_iterations: usize,
@@ -104,6 +106,7 @@ impl Iteration {
             at_best: true,
             cell: CellError::default(),
             share: 1.0,
+            assembled: false,
             iterations: 0,
             linear_iterations: 0,
         }
@@ -119,12 +122,14 @@ impl Iteration {
         !self.norm.is_finite() || self.norm > 10.0 * self.best
     }
 
-    /// The correction is kept.
-    fn accept(&mut self) {
+    /// The correction is kept; `before`: residual before it, N.
+    fn accept(&mut self, before: f64) {
         if self.norm < self.best {
             (self.best, self.at_best) = (self.norm, true);
             self.share = (2.0 * self.share).min(1.0);
         }
+        // Keep the matrices while an iteration halves the residual.
+        self.assembled = self.norm < 0.5 * before;
     }
 }
 
@@ -250,11 +255,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// the limit of iterations is reached. Collective.
     fn solve(&mut self, step: &Step, first: f64, target: &Target) -> Result<Iteration, FlowError> {
         if step.repeat {
-            // The Jacobian is nearly the same: reuse the matrices and the differences of the last solve.
+            // The Jacobian is nearly the same: reuse the differences of the last solve.
             self.nonlinear_gmres.pause();
         } else {
             self.nonlinear_gmres.clear();
-            self.assembled = false;
         }
         let mut at = Iteration::new(first);
         while !self.has_converged(&mut at, target) && at.iterations < self.settings.max_iterations {
@@ -278,9 +282,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
                     outcome => outcome?,
                 }
             } else {
-                at.accept();
-                // Keep the matrices while an iteration halves the residual.
-                self.assembled &= at.norm < 0.5 * before;
+                at.accept(before);
             }
         }
         Ok(at)
@@ -299,11 +301,10 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
     fn correct(&mut self, at: &mut Iteration) {
         let _part = timing::part("correction");
         let n = self.topology.n_owned;
-        if !self.assembled {
+        if !at.assembled {
             let field = Field { q: &self.q, gradient: &self.gradient };
             let on = domain!(self);
             self.correction.assemble(&self.spatial, &on, &self.scheme, field, &self.face_flux, 1.0);
-            self.assembled = true;
         }
         self.nonlinear_gmres.combine(
             self.halo.comm(),
@@ -343,7 +344,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         self.nonlinear_gmres.clear();
         self.return_to_best();
         at.share *= 0.5;
-        self.assembled = false;
+        at.assembled = false;
         if at.share < SMALLEST_SHARE {
             return Err(match bad {
                 Some((rank, (cell, at, density))) => FlowError::BadState { cell, at, rank, density },

@@ -173,8 +173,6 @@ pub struct Solver<G, const N: usize> {
     start: f64,
     /// Solves of the present step before this one.
     repetition: usize,
-    /// Whether the matrices of the correction are those of this step, good enough to be used again.
-    assembled: bool,
     /// Whether the last accepted step needed few solves.
     few_solves_before: bool,
     /// State of owned cells with the smallest residual of the step, where a correction made
@@ -277,7 +275,6 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             rhie_chow_is_reset: true,
             start: 0.0,
             repetition: 0,
-            assembled: false,
             few_solves_before: false,
             best: Vec::new(),
             correction,

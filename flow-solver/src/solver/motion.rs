@@ -8,7 +8,7 @@ use crate::topology::Side;
 
 impl<G: Gas<N>, const N: usize> Solver<G, N> {
     /// Geometry of the moved grid.
-    pub(super) fn move_grid(&mut self, step: &Step) -> Result<(), FlowError> {
+    pub(super) fn move_grid(&mut self, dt: f64) -> Result<(), FlowError> {
         let _part = timing::part("geometry");
         assert!(
             self.settings.moving,
@@ -22,9 +22,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
         timing::timed("metrics", || self.metrics.update(&self.topology, &self.halo, &self.nodes));
         self.check_volumes()?;
-        timing::timed("least squares", || {
-            self.least_squares.update(&self.topology, &self.metrics, !step.repeat);
-        });
+        timing::timed("least squares", || self.least_squares.update(&self.topology, &self.metrics));
         self.swept.resize(self.topology.face_nodes.len(), 0.0);
         self.swept_before.resize(self.topology.face_nodes.len(), 0.0);
         timing::timed("swept volumes", || {
@@ -36,7 +34,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             for side in &self.topology.no_slip {
                 let at = side.face as usize - first;
                 if side.canopy == u32::MAX {
-                    (self.wall_velocity[at], self.boundary.spin[at]) = self.rigid_wall(side, step.dt);
+                    (self.wall_velocity[at], self.boundary.spin[at]) = self.rigid_wall(side, dt);
                 } else {
                     self.wall_velocity[at] = self.mean_node_velocity(side.face);
                 }

@@ -135,7 +135,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
             self.previous[k].volume = if moving { self.metrics.volume.clone() } else { Vec::new() };
         }
         self.check_volumes()?;
-        self.least_squares.update(&self.topology, &self.metrics, true);
+        self.least_squares.update(&self.topology, &self.metrics);
         let [now, before] = &mut self.previous;
         if moving {
             self.swept.resize(self.topology.face_nodes.len(), 0.0);

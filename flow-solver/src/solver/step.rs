@@ -11,7 +11,7 @@ impl<G: Gas<N>, const N: usize> Solver<G, N> {
         }
         let order = self.order(step.dt);
         if step.moved {
-            self.move_grid(step)?;
+            self.move_grid(step.dt)?;
         }
         self.prepare(step, order);
         self.fill_boundary_values(step.moved, step.dt)?;
