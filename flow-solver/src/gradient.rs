@@ -349,7 +349,7 @@ fn weigh_cells(a: &Adjacency, metrics: &Metrics, i: usize, weights: &mut [[f32; 
 /// Adds the distance `d` of a neighbour to the matrix (xx, yy, zz, xy, xz, yz) of a cell.
 #[inline(always)]
 fn add_distance<T: Real>(m: &mut [T; 6], d: Vector3<T>) {
-    let w = T::splat(1.0) / square(&d);
+    let w = T::splat(1.0) / d.dot(&d);
     for (m, (p, q)) in m.iter_mut().zip([(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]) {
         *m += w * d[p] * d[q];
     }
@@ -358,18 +358,12 @@ fn add_distance<T: Real>(m: &mut [T; 6], d: Vector3<T>) {
 /// Weight of a neighbour at the distance `d`, with the inverse of the matrix of the cell.
 #[inline(always)]
 fn weight<T: Real>(inverse: &[T; 6], d: Vector3<T>) -> [T; 3] {
-    let w = d * (T::splat(1.0) / square(&d));
+    let w = d * (T::splat(1.0) / d.dot(&d));
     [
         inverse[0] * w[0] + inverse[3] * w[1] + inverse[4] * w[2],
         inverse[3] * w[0] + inverse[1] * w[1] + inverse[5] * w[2],
         inverse[4] * w[0] + inverse[5] * w[1] + inverse[2] * w[2],
     ]
-}
-
-/// Square of the length, lane by lane.
-#[inline(always)]
-fn square<T: Real>(d: &Vector3<T>) -> T {
-    d.x * d.x + d.y * d.y + d.z * d.z
 }
 
 /// Cofactors and determinant of a symmetric matrix (xx, yy, zz, xy, xz, yz), and whether it is regular: eigenvalues below about 1e-3 of the largest count as

@@ -34,10 +34,10 @@ fn regular_quality<T: Real>(p: &[Vector3<T>; 8]) -> T {
     let x = [edge(0, 1), edge(3, 2), edge(4, 5), edge(7, 6)];
     let y = [edge(0, 3), edge(1, 2), edge(4, 7), edge(5, 6)];
     let z = [edge(0, 4), edge(1, 5), edge(2, 6), edge(3, 7)];
-    let (x2, y2, z2) = (x.map(|e| dot(&e, &e)), y.map(|e| dot(&e, &e)), z.map(|e| dot(&e, &e)));
+    let (x2, y2, z2) = (x.map(|e| e.dot(&e)), y.map(|e| e.dot(&e)), z.map(|e| e.dot(&e)));
     let mut worst = T::splat(f64::INFINITY);
     for [i, j, k] in EDGES_AT {
-        let det = dot(&x[i], &y[j].cross(&z[k]));
+        let det = x[i].dot(&y[j].cross(&z[k]));
         let square = det * det.simd_abs() / (x2[i] * y2[j] * z2[k]);
         let number = square.simd_eq(square);
         let square = square.select(number, T::splat(f64::NEG_INFINITY));
@@ -53,14 +53,8 @@ pub fn volume<T: Real>(p: &[Vector3<T>; 8]) -> T {
     let (a, b) = (p[6] - p[1], p[7] - p[0]);
     let (c, d) = (p[6] - p[3], p[2] - p[0]);
     let (e, f) = (p[5] - p[0], p[6] - p[4]);
-    let sum = dot(&(a + b), &c.cross(&d)) + dot(&b, &(c + e).cross(&f)) + dot(&a, &e.cross(&(f + d)));
+    let sum = (a + b).dot(&c.cross(&d)) + b.dot(&(c + e).cross(&f)) + a.dot(&e.cross(&(f + d)));
     sum / T::splat(12.0)
-}
-
-/// Scalar product, lane by lane.
-#[inline(always)]
-fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// Edges (along x, y, z, as numbered in [`regular_quality`]) that meet in each corner.

@@ -144,21 +144,15 @@ fn shape(nodes: &[u32; 4], x: &[Vec3]) -> FaceShape {
 /// theorem, by the triangles about the middle of the face, on each of which x - middle is normal to dA.
 #[inline(always)]
 fn volume_and_moment<T: Real>(shape: &FaceShape<T>, sign: f64, r: Vector3<T>) -> (T, Vector3<T>) {
-    let v = dot(&(shape.middle - r), &shape.area) * T::splat(sign) / T::splat(3.0);
+    let v = (shape.middle - r).dot(&shape.area) * T::splat(sign) / T::splat(3.0);
     (v, (shape.centre - r) * (T::splat(0.75) * v))
-}
-
-/// Scalar product, lane by lane.
-#[inline(always)]
-fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// Distance along the normal of a face of two centres `d` apart; a skewed pair of cells keeps a positive one.
 #[inline(always)]
 fn spacing<T: Real>(d: &Vector3<T>, area: &Vector3<T>) -> T {
-    let along = dot(d, area) / dot(area, area).simd_sqrt();
-    let least = T::splat(0.2) * dot(d, d).simd_sqrt();
+    let along = d.dot(area) / area.dot(area).simd_sqrt();
+    let least = T::splat(0.2) * d.dot(d).simd_sqrt();
     along.select(along.simd_gt(least), least)
 }
 

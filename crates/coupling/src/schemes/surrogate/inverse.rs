@@ -74,7 +74,7 @@ impl ShortMatrix {
     }
 }
 
-/// $`(A + gI)^{-T}`$. In double precision: round-off of other processors then changes hardly any rounding to 16 bits, after which runs would differ by 1e-4.
+/// $`(A + gI)^{-T}`$. In double precision, so that the round-off of other processors does not change the rounding to 16 bits; products would differ by 1e-4.
 fn inverse_transposed(matrix: &DMatrix<f64>, gain: f64) -> Mat<f64> {
     let shifted = |i: usize, j: usize| matrix[(i, j)] + if i == j { gain } else { 0.0 };
     Mat::from_fn(matrix.ncols(), matrix.nrows(), |j, i| shifted(i, j)).partial_piv_lu().inverse()
