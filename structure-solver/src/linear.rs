@@ -5,7 +5,10 @@
 use std::time::Instant;
 
 use comm::Comm;
-use linalg::{BlockCsr, BlockJacobi, Gmres, KrylovError, KrylovParams, SchwarzLu};
+use linalg::{
+    BlockCsr, BlockJacobi, CondensedLu, FactorError, Gmres, KrylovError, KrylovParams, Preconditioner,
+    SchwarzLu,
+};
 
 use crate::warm_start::{DirectWarmStart, LinearWarmStart};
 
@@ -74,9 +77,61 @@ impl Kind {
     }
 }
 
+/// A factor over all ranks.
+enum Factor {
+    /// Of each rank's rows and a few around them, or of parts of them.
+    Schwarz(Box<SchwarzLu<3>>),
+    /// Of the whole, where the interface between the ranks is small.
+    Condensed(Box<CondensedLu<3>>),
+}
+
+impl Factor {
+    /// Collective.
+    fn plan(a: &BlockCsr<3>, kind: Kind) -> Self {
+        let condensed = match kind {
+            _ if a.halo().comm().size() == 1 => None,
+            Kind::Cut => None,
+            Kind::Symmetric => CondensedLu::plan_symmetric(a),
+            Kind::Whole => CondensedLu::plan(a),
+        };
+        condensed.map(|lu| Self::Condensed(Box::new(lu))).unwrap_or_else(|| {
+            Self::Schwarz(Box::new(match kind {
+                Kind::Cut => SchwarzLu::plan_symmetric(a, PART, LAYERS),
+                Kind::Symmetric => SchwarzLu::plan_symmetric(a, usize::MAX, 0),
+                Kind::Whole => SchwarzLu::plan(a),
+            }))
+        })
+    }
+
+    fn refactor(&mut self, a: &BlockCsr<3>) -> Result<(), FactorError> {
+        match self {
+            Self::Schwarz(lu) => lu.refactor(a),
+            Self::Condensed(lu) => lu.refactor(a),
+        }
+    }
+
+    /// Multiplications of a factorisation over the bytes of the factor, on this rank.
+    fn ratio(&self) -> f64 {
+        let (flops, bytes) = match self {
+            Self::Schwarz(lu) => (lu.flops(), lu.bytes()),
+            Self::Condensed(lu) => (lu.flops(), lu.bytes()),
+        };
+        flops as f64 / bytes.max(1) as f64
+    }
+}
+
+impl Preconditioner for Factor {
+    fn apply(&self, r: &[f64], z: &mut [f64]) {
+        match self {
+            Self::Schwarz(lu) => lu.apply(r, z),
+            Self::Condensed(lu) => lu.apply(r, z),
+        }
+    }
+}
+
 /// Direct factors that are kept while they serve.
 struct Direct {
-    lu: SchwarzLu<3>,
+    lu: Factor,
     kind: Kind,
     /// Iterations that cost about as much as a factorisation, the same on all ranks.
     worth: usize,
@@ -90,13 +145,8 @@ struct Direct {
 impl Direct {
     /// Collective.
     fn new(a: &BlockCsr<3>, kind: Kind) -> Self {
-        let comm = a.halo().comm();
-        let lu = match kind {
-            Kind::Cut => SchwarzLu::plan_symmetric(a, PART, LAYERS),
-            Kind::Symmetric => SchwarzLu::plan_symmetric(a, usize::MAX, 0),
-            Kind::Whole => SchwarzLu::plan(a),
-        };
-        let ratio = comm.max(lu.flops() as f64 / lu.bytes().max(1) as f64);
+        let lu = Factor::plan(a, kind);
+        let ratio = a.halo().comm().max(lu.ratio());
         Self {
             lu,
             kind,

@@ -18,6 +18,7 @@
 mod amg;
 mod block;
 mod block_csr;
+mod condensed;
 mod direct;
 mod ghost_rows;
 mod ilu;
@@ -33,6 +34,7 @@ mod vector;
 pub use amg::{Amg, AmgError, AmgParams};
 pub use block::Real;
 pub use block_csr::BlockCsr;
+pub use condensed::CondensedLu;
 pub use direct::FactorError;
 pub use jacobi::{BlockJacobi, SingularBlock};
 pub use krylov::{Cg, Gmres, History, KrylovError, KrylovInfo, KrylovParams};

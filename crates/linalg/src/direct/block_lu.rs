@@ -13,6 +13,8 @@
 //!
 //! Of a symmetric matrix $`H = (W F_{12})^T`$ is not kept: the sweep upwards reads the rows of
 //! $`R`$ as columns. Fronts then hold their upper triangle alone, which halves most of the work.
+//!
+//! The last rows may be kept: what the others leave in them is a Schur complement, which the caller solves with.
 
 use std::cell::RefCell;
 
@@ -59,6 +61,8 @@ struct FrontLocation {
     n1: usize,
     n2: usize,
     symmetric: bool,
+    /// Its rows are kept, not eliminated.
+    kept: bool,
     /// `R`, `n1 x (n1 + n2)` by rows. Of a symmetric matrix `-W F_12` comes first in a row, and both
     /// parts of it are filled up.
     r: std::ops::Range<usize>,
@@ -84,14 +88,21 @@ impl FrontLocation {
     fn column(&self) -> usize {
         padded(self.n2)
     }
-    /// Numbers in `H`.
+    /// Rows that are eliminated.
+    fn eliminated(&self) -> usize {
+        if self.kept { 0 } else { self.n1 }
+    }
+    /// Numbers in `R` and `H`.
+    fn r_len(&self) -> usize {
+        self.eliminated() * self.row()
+    }
     fn h_len(&self) -> usize {
-        if self.symmetric { 0 } else { self.n1 * self.column() }
+        if self.symmetric { 0 } else { self.eliminated() * self.column() }
     }
     /// Multiplications, see [`BlockLu::flops`].
     fn flops(&self) -> usize {
         let update = self.n2 * self.n2 / if self.symmetric { 2 } else { 1 };
-        self.n1 * (self.n1 * self.n1 / 3 + self.n1 * self.n2 + update)
+        self.eliminated() * (self.n1 * self.n1 / 3 + self.n1 * self.n2 + update)
     }
 }
 
@@ -99,6 +110,8 @@ impl FrontLocation {
 pub(crate) struct BlockLu<const B: usize, T: Real> {
     plan: Symbolic,
     places: Vec<FrontLocation>,
+    /// Block rows that are eliminated, the first in the order.
+    n_eliminated: usize,
     /// `R` of all fronts and `H` of all fronts, each in the order in which a solve reads them.
     r: Vec<T>,
     h: Vec<T>,
@@ -205,43 +218,60 @@ impl<T: Real> Work<T> {
 struct Scratch<T> {
     x: Vec<T>,
     front: Vec<T>,
+    /// Right side and solution of the kept rows.
+    kept: Vec<f64>,
 }
 
 impl<const B: usize, T: Real> BlockLu<B, T> {
     /// Plans the factorisation of matrices with this pattern (`row_ptr`, `cols`).
     pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
-        Self::of_plan(Symbolic::new(row_ptr, cols), Part::Whole)
+        Self::of_plan(Symbolic::new(row_ptr, cols, 0), 0, Part::Whole)
     }
 
     /// Plans the factorisation of the square part in `rows` of matrices with this pattern,
     /// whose whole values [`BlockLu::factor_scaled`] takes. Columns beyond the rows of the
     /// pattern are left out.
     pub fn of_rows(row_ptr: &[usize], cols: &[u32], rows: &[u32], part: Part) -> Self {
+        Self::condensed(row_ptr, cols, rows, 0, |_, _| true, part)
+    }
+
+    /// As [`BlockLu::of_rows`] with the entries that `counts` by row and column of the pattern. The last `n_kept` of `rows` are not eliminated:
+    /// the caller solves for them, see [`BlockLu::schur_complement`].
+    pub fn condensed(
+        row_ptr: &[usize],
+        cols: &[u32],
+        rows: &[u32],
+        n_kept: usize,
+        counts: impl Fn(u32, u32) -> bool,
+        part: Part,
+    ) -> Self {
         let mut index = vec![u32::MAX; row_ptr.len() - 1];
         rows.iter().enumerate().for_each(|(k, &i)| index[i as usize] = k as u32);
         let (mut part_ptr, mut part_cols, mut slots) = (vec![0], Vec::new(), Vec::new());
         for &i in rows {
             for s in row_ptr[i as usize]..row_ptr[i as usize + 1] {
-                if let Some(&j) = index.get(cols[s] as usize).filter(|j| **j != u32::MAX) {
+                let known = index.get(cols[s] as usize).filter(|j| **j != u32::MAX);
+                if let Some(&j) = known.filter(|_| counts(i, cols[s])) {
                     part_cols.push(j);
                     slots.push(s as u32);
                 }
             }
             part_ptr.push(part_cols.len());
         }
-        let mut plan = Symbolic::new(&part_ptr, &part_cols);
+        let mut plan = Symbolic::new(&part_ptr, &part_cols, n_kept);
         for entry in plan.fronts.iter_mut().flat_map(|f| &mut f.entries) {
             entry[0] = slots[entry[0] as usize];
         }
-        Self::of_plan(plan, part)
+        Self::of_plan(plan, n_kept, part)
     }
 
     /// Lays out the factor and its work space.
-    fn of_plan(plan: Symbolic, part: Part) -> Self {
+    fn of_plan(plan: Symbolic, n_kept: usize, part: Part) -> Self {
         let symmetric = part == Part::Symmetric;
+        let n_eliminated = plan.order.len() - n_kept;
         let place = |f: &Front| {
             let (n1, n2) = (f.n_pivot * B, f.pattern.len() * B);
-            FrontLocation { n1, n2, symmetric, r: 0..0, h: 0..0 }
+            FrontLocation { n1, n2, symmetric, kept: f.start >= n_eliminated, r: 0..0, h: 0..0 }
         };
         let mut places: Vec<FrontLocation> = plan.fronts.iter().map(place).collect();
         let (h, mut at) = whole_lines(places.iter().map(FrontLocation::h_len).sum());
@@ -249,9 +279,9 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             p.h = at..at + p.h_len();
             at = p.h.end;
         }
-        let (r, mut at) = whole_lines(places.iter().map(|p| p.n1 * p.row()).sum());
+        let (r, mut at) = whole_lines(places.iter().map(FrontLocation::r_len).sum());
         for p in places.iter_mut().rev() {
-            p.r = at..at + p.n1 * p.row();
+            p.r = at..at + p.r_len();
             at = p.r.end;
         }
         let most = |f: fn(&FrontLocation) -> usize| places.iter().map(f).max().unwrap_or(0);
@@ -273,13 +303,14 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         let scratch = Scratch {
             x: vec![T::default(); plan.order.len() * B],
             front: vec![T::default(); most(|p| p.n1 + p.row())],
+            kept: vec![0.0; n_kept * B],
         };
-        Self { plan, places, r, h, work, scale: 1.0, scratch: RefCell::new(scratch) }
+        Self { plan, places, n_eliminated, r, h, work, scale: 1.0, scratch: RefCell::new(scratch) }
     }
 
     /// Bytes of the factor that a solve reads, those that it reads twice counted twice.
     pub fn bytes(&self) -> usize {
-        let again = |p: &FrontLocation| if p.symmetric { p.n1 * p.column() } else { 0 };
+        let again = |p: &FrontLocation| if p.symmetric { p.eliminated() * p.column() } else { 0 };
         (self.r.len() + self.h.len() + self.places.iter().map(again).sum::<usize>()) * size_of::<T>()
     }
 
@@ -329,6 +360,10 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 }
                 work.pool.push(from);
             }
+            if place.kept {
+                work.pool.push(update);
+                break;
+            }
             let (r, h) = (&mut self.r[place.r.clone()], &mut self.h[place.h.clone()]);
             let good = if place.symmetric {
                 work.eliminate_symmetric(place, r, &mut update)
@@ -343,9 +378,26 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         Ok(())
     }
 
+    /// What elimination left in the kept rows of the matrix times [`BlockLu::scale`]: columns of `n` numbers, as many, of a symmetric matrix their
+    /// upper triangle.
+    pub fn schur_complement(&self) -> (usize, &[T]) {
+        let n = (self.plan.order.len() - self.n_eliminated) * B;
+        (n, &self.work.f11[..n * n])
+    }
+
+    /// What the values were multiplied with.
+    pub fn scale(&self) -> f64 {
+        self.scale
+    }
+
     /// `x = A^-1 x` for the first rows of `x`, as many as the matrix has.
     pub fn solve(&self, x: &mut [f64]) {
-        let Scratch { x: y, front: gathered } = &mut *self.scratch.borrow_mut();
+        self.solve_around(x, |_| ());
+    }
+
+    /// As [`BlockLu::solve`]; `kept` turns what elimination left of the right side in the kept rows into their solution.
+    pub fn solve_around(&self, x: &mut [f64], kept: impl FnOnce(&mut [f64])) {
+        let Scratch { x: y, front: gathered, kept: values } = &mut *self.scratch.borrow_mut();
         let x = &mut x.as_chunks_mut::<B>().0[..self.plan.order.len()];
         // Numbers around one, whatever the units.
         let largest = largest(x.as_flattened());
@@ -354,7 +406,8 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
         for (y, &i) in blocks.iter_mut().zip(&self.plan.order) {
             *y = x[i as usize].map(|v| T::from_f64(v * unit));
         }
-        let fronts = self.plan.fronts.iter().zip(&self.places);
+        let back = self.scale / unit;
+        let fronts = self.plan.fronts.iter().zip(&self.places).filter(|(_, place)| !place.kept);
         for (front, place) in fronts.clone() {
             let (n1, n2) = (place.n1, place.n2);
             let (b1, sum) = gathered.split_at_mut(n1);
@@ -378,6 +431,10 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
                 }
             }
         }
+        let last = &mut y[self.n_eliminated * B..];
+        values.iter_mut().zip(&*last).for_each(|(v, y)| *v = y.to_f64() / unit);
+        kept(values);
+        last.iter_mut().zip(&*values).for_each(|(y, v)| *y = T::from_f64(v / back));
         for (front, place) in fronts.rev() {
             let (n1, n2) = (place.n1, place.n2);
             let gathered = &mut gathered[..place.row()];
@@ -394,7 +451,6 @@ impl<const B: usize, T: Real> BlockLu<B, T> {
             rows_dot(&self.r[place.r.clone()], gathered, solution);
             flush(solution);
         }
-        let back = self.scale / unit;
         let blocks = y.as_chunks::<B>().0;
         for (y, &i) in blocks.iter().zip(&self.plan.order) {
             x[i as usize] = y.map(|v| v.to_f64() * back);
@@ -493,8 +549,10 @@ impl<T: Real> Parts<'_, T> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use faer::linalg::solvers::Solve;
     use proptest::prelude::*;
+
+    use super::*;
 
     /// A random symmetric pattern with nonsymmetric, diagonally dominant values.
     fn matrix(n: usize, edges: &[(usize, usize)]) -> (Vec<usize>, Vec<u32>, Vec<[[f64; 3]; 3]>) {
@@ -590,6 +648,43 @@ mod tests {
         fn solves_with_the_symmetric_part(n in 1usize..60, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
             prop_assert!(error::<f64>(n, &edges, Part::Symmetric) < 1e-10);
             prop_assert!(error::<f32>(n, &edges, Part::Symmetric) < 1e-3);
+        }
+    }
+
+    /// Elimination of all rows but the last, which a dense factor of what is left then solves.
+    fn error_of_condensed<T: Real>(n: usize, n_kept: usize, edges: &[(usize, usize)], part: Part) -> f64 {
+        let (row_ptr, cols, mut values) = matrix(n, edges);
+        let rows: Vec<u32> = (0..n as u32).collect();
+        let mut lu = BlockLu::<3, T>::condensed(&row_ptr, &cols, &rows, n_kept, |_, _| true, part);
+        lu.factor(&values).unwrap();
+        if part == Part::Symmetric {
+            values = symmetric(&row_ptr, &cols, &values);
+        }
+        let exact: Vec<f64> = (0..3 * n).map(|i| (i as f64 * 0.7).cos()).collect();
+        let mut x = multiply(&row_ptr, &cols, &values, &exact);
+        let (size, left) = lu.schur_complement();
+        assert_eq!(size, 3 * n_kept);
+        let entry = |i: usize, j: usize| left[j * size + i].to_f64() / lu.scale();
+        let schur = faer::Mat::from_fn(size, size, |i, j| match part {
+            Part::Symmetric => entry(i.min(j), i.max(j)),
+            Part::Whole => entry(i, j),
+        });
+        lu.solve_around(&mut x, |kept| {
+            schur.partial_piv_lu().solve_in_place(MatMut::from_column_major_slice_mut(kept, size, 1));
+        });
+        x.iter().zip(&exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(40))]
+        #[test]
+        fn solves_around_kept_rows(n in 1usize..60, share in 0.0..1.0, edges in prop::collection::vec((0usize..60, 0usize..60), 0..150)) {
+            let n_kept = 1 + (share * n as f64) as usize;
+            let n_kept = n_kept.min(n);
+            for part in [Part::Whole, Part::Symmetric] {
+                prop_assert!(error_of_condensed::<f64>(n, n_kept, &edges, part) < 1e-10);
+                prop_assert!(error_of_condensed::<f32>(n, n_kept, &edges, part) < 1e-3);
+            }
         }
     }
 

@@ -1,6 +1,7 @@
 //! Elimination order, supernodes and assembly maps of a multifrontal factorisation,
 //! worked out once for a pattern of block rows.
 
+use faer::perm::PermRef;
 use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
@@ -46,12 +47,25 @@ const RELAX: &[(usize, f64)] = &[(4, 0.9), (8, 0.5), (24, 0.15), (usize::MAX, 0.
 impl Symbolic {
     /// Analyses the pattern of block rows (`row_ptr`, `cols`), taken as symmetric:
     /// an entry whose transpose is missing is allowed, its transpose counts as zero.
-    pub fn new(row_ptr: &[usize], cols: &[u32]) -> Self {
+    /// The last `n_kept` rows are not eliminated: they are the pivots of the last front.
+    pub fn new(row_ptr: &[usize], cols: &[u32], n_kept: usize) -> Self {
         let n = row_ptr.len() - 1;
         if n == 0 {
             return Self { order: Vec::new(), fronts: Vec::new() };
         }
-        let plan = supernodal_plan(row_ptr, cols);
+        let n_eliminated = n - n_kept;
+        let plan = if n_kept == 0 {
+            supernodal_plan(row_ptr, cols, SymmetricOrdering::Amd)
+        } else {
+            let order = leading_order(row_ptr, cols, n_eliminated);
+            let mut position = vec![0; n];
+            order.iter().enumerate().for_each(|(k, &i)| position[i] = k);
+            supernodal_plan(
+                row_ptr,
+                cols,
+                SymmetricOrdering::Custom(PermRef::new_checked(&order, &position, n)),
+            )
+        };
         let (order, position) = plan.perm().expect("an ordering was asked for").arrays();
         let SymbolicCholeskyRaw::Supernodal(plan) = plan.raw() else {
             unreachable!("a supernodal plan was forced");
@@ -61,9 +75,18 @@ impl Symbolic {
         let mut fronts: Vec<Front> = Vec::with_capacity(plan.n_supernodes());
         for s in 0..plan.n_supernodes() {
             let (start, end) = (plan.supernode_begin()[s], plan.supernode_end()[s]);
-            front_of[start..end].fill(s as u32);
-            let pattern = plan.supernode(s).pattern().iter().map(|&i| i as u32).collect();
-            fronts.push(Front::new(start, end - start, pattern));
+            if start >= n_eliminated {
+                break;
+            }
+            let pivots = start..end.min(n_eliminated);
+            front_of[pivots.clone()].fill(s as u32);
+            let below = plan.supernode(s).pattern().iter().map(|&i| i as u32);
+            let pattern = (pivots.end as u32..end as u32).chain(below).collect();
+            fronts.push(Front::new(start, pivots.len(), pattern));
+        }
+        if n_kept > 0 {
+            front_of[n_eliminated..].fill(fronts.len() as u32);
+            fronts.push(Front::new(n_eliminated, n_kept, Vec::new()));
         }
         link_to_parents(&mut fronts, &front_of);
         for i in 0..n {
@@ -78,8 +101,25 @@ impl Symbolic {
     }
 }
 
-/// Fill-reducing order (AMD) of the pattern and its supernodes.
-fn supernodal_plan(row_ptr: &[usize], cols: &[u32]) -> SymbolicCholesky<usize> {
+/// Fill-reducing order (AMD) of the first `n` rows, in which the others, that follow, couple to each other: so they count as what stays.
+fn leading_order(row_ptr: &[usize], cols: &[u32], n: usize) -> Vec<usize> {
+    let all = row_ptr.len() - 1;
+    let (mut start, mut columns) = (row_ptr[..=n].to_vec(), cols[..row_ptr[n]].to_vec());
+    for _ in n..all {
+        columns.extend(n as u32..all as u32);
+        start.push(columns.len());
+    }
+    let plan = supernodal_plan(&start, &columns, SymmetricOrdering::Amd);
+    let order = plan.perm().expect("an ordering was asked for").arrays().0;
+    order.iter().copied().filter(|&i| i < n).chain(n..all).collect()
+}
+
+/// Supernodes of the pattern in a fill-reducing order.
+fn supernodal_plan(
+    row_ptr: &[usize],
+    cols: &[u32],
+    ordering: SymmetricOrdering<'_, usize>,
+) -> SymbolicCholesky<usize> {
     let n = row_ptr.len() - 1;
     let (col_ptr, row_idx) = upper_triangle(row_ptr, cols);
     let a = SymbolicSparseColMatRef::new_checked(n, n, &col_ptr, None, &row_idx);
@@ -89,7 +129,7 @@ fn supernodal_plan(row_ptr: &[usize], cols: &[u32]) -> SymbolicCholesky<usize> {
         supernodal_params: SymbolicSupernodalParams { relax: Some(RELAX) },
         ..Default::default()
     };
-    factorize_symbolic_cholesky(a, faer::Side::Upper, SymmetricOrdering::Amd, params)
+    factorize_symbolic_cholesky(a, faer::Side::Upper, ordering, params)
         .expect("indices fit and memory suffices")
 }
 

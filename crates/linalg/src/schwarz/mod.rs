@@ -1,7 +1,7 @@
 //! Restricted additive Schwarz with a direct factor on every subdomain.
 
 mod domains;
-mod overlap;
+pub(crate) mod overlap;
 
 use std::cell::RefCell;
 
@@ -13,7 +13,7 @@ use overlap::Overlap;
 
 /// Restricted additive Schwarz (Cai and Sarkis 1999) with a sparse LU factor of each
 /// subdomain, stored in precision `T`. A rank has one subdomain, overlapping those of other
-/// ranks by a layer, or several.
+/// ranks by two layers, or several.
 ///
 /// The elimination is planned once, in [`SchwarzLu::plan`]; [`SchwarzLu::refactor`] takes
 /// new values on the same pattern. On one rank with one subdomain this is a direct solver.
@@ -59,6 +59,10 @@ pub struct SchwarzLu<const B: usize = 3, T: Real = f32> {
     residual: RefCell<[Vec<f64>; 2]>,
 }
 
+/// Layers by which ranks overlap. On an air bag of 20 000 triangles two take 0.84, 0.81 and 0.86 of the iterations of one on 8, 4 and 2 ranks; a
+/// third takes 0.90 of the rest, and a subdomain of 1 000 rows then has a third more.
+const RANK_LAYERS: usize = 2;
+
 impl<const B: usize, T: Real> SchwarzLu<B, T> {
     /// Plans and does the first factorisation of one subdomain on each rank. Collective.
     pub fn new(a: &BlockCsr<B>) -> Result<Self, FactorError> {
@@ -86,17 +90,17 @@ impl<const B: usize, T: Real> SchwarzLu<B, T> {
     }
 
     fn planned(a: &BlockCsr<B>, size: usize, layers: usize, part: Part) -> Self {
-        let overlap = Overlap::new(a);
-        let (row_ptr, cols) = overlap.pattern(a);
-        let parts: Vec<_> = domains::cut(&row_ptr, &cols, a.n_rows(), size, layers)
+        let overlap = Overlap::new(a, RANK_LAYERS);
+        let (row_ptr, cols) = overlap.pattern();
+        let parts: Vec<_> = domains::cut(row_ptr, cols, a.n_rows(), size, layers)
             .into_iter()
             .map(|d| {
-                let lu = BlockLu::of_rows(&row_ptr, &cols, &d.rows, part);
+                let lu = BlockLu::of_rows(row_ptr, cols, &d.rows, part);
                 (d, lu)
             })
             .collect();
         let longest = parts.iter().map(|(d, _)| d.rows.len()).max().unwrap_or(0);
-        let residual = RefCell::new([a.halo().n_local(), longest].map(|n| vec![0.0; n * B]));
+        let residual = RefCell::new([overlap.halo().n_local(), longest].map(|n| vec![0.0; n * B]));
         Self { overlap, parts, values: Vec::new(), residual }
     }
 

@@ -1,57 +1,67 @@
-//! The matrix rows of a rank's ghosts, fetched from their owners.
+//! The matrix rows around those of a rank, fetched from their owners.
 
-use std::collections::HashMap;
 use std::rc::Rc;
 
-use comm::Halo;
+use comm::{Halo, Numbering};
 
 use crate::BlockCsr;
-use crate::ghost_rows::GhostRows;
+use crate::ghost_rows::{GhostRows, owner};
 
-/// One layer of overlap: the rows it fetches and the pattern they add here.
-pub(super) struct Overlap<const B: usize> {
+/// Layers of overlap with other ranks: the rows that it fetches and the pattern they add here.
+pub(crate) struct Overlap<const B: usize> {
+    /// Owned rows and, as ghosts, those of the layers.
     halo: Rc<Halo>,
     rows: GhostRows,
-    /// Fetched block behind each entry of the ghost rows, and its local column.
-    source: Vec<u32>,
-    cols: Vec<u32>,
+    /// Pattern of the owned rows followed by the ghost rows.
     row_ptr: Vec<usize>,
+    cols: Vec<u32>,
+    /// Fetched block behind each entry of the ghost rows.
+    source: Vec<u32>,
 }
 
 impl<const B: usize> Overlap<B> {
-    /// Agrees on the rows to exchange. Collective.
-    pub fn new(a: &BlockCsr<B>) -> Self {
-        let halo = a.halo().clone();
+    /// Agrees on the rows to exchange: `layers` of neighbours of the owned rows, at least one. Collective.
+    pub fn new(a: &BlockCsr<B>, layers: usize) -> Self {
+        let near = GhostRows::new(a.halo());
+        let columns = |i: usize| a.cols()[a.row(i)].iter().map(|&j| near.id[j as usize]);
+        let (owned, ghosts) = near.id.split_at(a.n_rows());
+        let mut ghosts = ghosts.to_vec();
+        let (mut numbering, mut halo) = widened(a, &near, owned, &ghosts);
+        for _ in 1..layers {
+            let further = GhostRows::new(&halo).fetch_u64(|i, list| list.extend(columns(i)));
+            ghosts.extend(further.into_iter().filter(|&g| numbering.local(g).is_none()));
+            (numbering, halo) = widened(a, &near, owned, &ghosts);
+        }
         let rows = GhostRows::new(&halo);
         let fetched = rows.fetch_u64(|i, list| {
-            let row = a.row(i);
-            list.push(row.len() as u64);
-            list.extend(a.cols()[row].iter().map(|&j| rows.id[j as usize]));
+            list.push(a.row(i).len() as u64);
+            list.extend(columns(i));
         });
-        let local: HashMap<u64, u32> = rows.id.iter().enumerate().map(|(i, &g)| (g, i as u32)).collect();
-        let (mut source, mut cols, mut row_ptr) = (Vec::new(), Vec::new(), vec![0]);
-        let mut at = 0;
-        let mut block = 0u32;
-        let mut row = Vec::new();
-        while at < fetched.len() {
-            let n = fetched[at] as usize;
-            row.clear();
-            for g in &fetched[at + 1..at + 1 + n] {
-                row.extend(local.get(g).map(|&j| (j, block)));
-                block += 1;
+        let here = |g: u64| numbering.local(g).map(|j| j as u32);
+        let (mut row_ptr, mut cols) = (a.row_ptr().to_vec(), Vec::with_capacity(a.cols().len()));
+        cols.extend((0..a.n_rows()).flat_map(columns).map(|g| here(g).expect("a neighbour of an owned row")));
+        let (mut source, mut block, mut rest) = (Vec::new(), 0u32, &fetched[..]);
+        while let Some((&n, after)) = rest.split_first() {
+            let (row, after) = after.split_at(n as usize);
+            let known = (block..).zip(row).filter_map(|(block, &g)| Some((here(g)?, block)));
+            for (j, block) in known {
+                cols.push(j);
+                source.push(block);
             }
-            row.sort_unstable();
-            cols.extend(row.iter().map(|r| r.0));
-            source.extend(row.iter().map(|r| r.1));
             row_ptr.push(cols.len());
-            at += 1 + n;
+            (block, rest) = (block + n as u32, after);
         }
-        assert_eq!(row_ptr.len() - 1, halo.n_local() - halo.n_owned(), "one row for each ghost");
-        Self { halo, rows, source, cols, row_ptr }
+        assert_eq!(row_ptr.len() - 1, halo.n_local(), "one row for each ghost");
+        Self { halo, rows, row_ptr, cols, source }
     }
 
     pub fn halo(&self) -> &Halo {
         &self.halo
+    }
+
+    /// Numbers of the local rows over all ranks, contiguous by rank.
+    pub fn ids(&self) -> &[u64] {
+        &self.rows.id
     }
 
     /// Whether there is nothing to fetch anywhere. (Every rank must agree, because
@@ -60,14 +70,9 @@ impl<const B: usize> Overlap<B> {
         self.halo.comm().size() == 1
     }
 
-    /// Pattern of the owned rows followed by the ghost rows.
-    pub fn pattern(&self, a: &BlockCsr<B>) -> (Vec<usize>, Vec<u32>) {
-        let mut row_ptr = a.row_ptr().to_vec();
-        let owned = a.cols().len();
-        row_ptr.extend(self.row_ptr[1..].iter().map(|&p| owned + p));
-        let mut cols = a.cols().to_vec();
-        cols.extend_from_slice(&self.cols);
-        (row_ptr, cols)
+    /// Row pointers and columns of the owned rows followed by the ghost rows; columns in no order.
+    pub fn pattern(&self) -> (&[usize], &[u32]) {
+        (&self.row_ptr, &self.cols)
     }
 
     /// Values in the order of [`Overlap::pattern`]. Collective.
@@ -80,4 +85,17 @@ impl<const B: usize> Overlap<B> {
         values.extend_from_slice(&a.values);
         values.extend(self.source.iter().map(|&s| blocks[s as usize]));
     }
+}
+
+/// Halo of the rows of `a`, numbered `owned` contiguously by rank, with the `ghosts` of these numbers. Collective.
+fn widened<const B: usize>(
+    a: &BlockCsr<B>,
+    near: &GhostRows,
+    owned: &[u64],
+    ghosts: &[u64],
+) -> (Numbering, Rc<Halo>) {
+    let owners = ghosts.iter().map(|&g| (g, owner(&near.first, g) as u32)).collect();
+    let numbering = Numbering::new(owned.to_vec(), owners);
+    let halo = Rc::new(Halo::new(a.halo().comm(), &numbering));
+    (numbering, halo)
 }
