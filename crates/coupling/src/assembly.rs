@@ -114,7 +114,8 @@ impl CoupledStage<'_> {
         // 7.8 iterations of IQN-ILS a window on the ATPS descent.
         let screening = if needs_surrogate(coupling) { self.air().screening(self.window_s()) } else { 0.0 };
         let most = coupling.added_mass_max_panels as usize;
-        VortexLattice::new(&self.positions(state), &self.interface.faces, most, screening)
+        let gain = Some(self.mass_properties().gain()).filter(|gain| gain.is_finite());
+        VortexLattice::with_relaxation(&self.positions(state), &self.interface.faces, most, screening, gain)
     }
 
     /// The added-mass surrogate of the flow, for schemes that need one.

@@ -29,6 +29,13 @@ pub struct MassProperties {
     pub falling_kg: f64,
 }
 
+impl MassProperties {
+    /// The gain $`g`$ of [`AddedMassRelaxation`], 1/m.
+    pub fn gain(&self) -> f64 {
+        self.difference.powi(2) * self.response * self.air.density / self.fabric_kg_m2
+    }
+}
+
 /// Relaxation by the added mass of potential flow.
 ///
 /// The flow responds to a normal displacement of the canopy with the pressure of the accelerated air. In potential
@@ -101,11 +108,14 @@ impl AddedMassRelaxation {
         if faces.is_empty() || masses.fabric_kg_m2 <= 0.0 {
             return None;
         }
-        let VortexLattice { positions, areas, normals, groups, influence, inverse, .. } = lattice;
+        let VortexLattice { positions, areas, normals, groups, influence, inverse, relaxation, .. } = lattice;
         let n = groups.len();
         let sizes: Vec<f64> = areas.iter().map(Vec3::norm).collect();
-        let gain = masses.difference.powi(2) * masses.response * masses.air.density / masses.fabric_kg_m2;
-        let relaxation = ShortMatrix::relaxation(influence, gain)?;
+        let gain = masses.gain();
+        let relaxation = match relaxation {
+            Some((of, relaxation)) if *of == gain => relaxation.clone(),
+            _ => ShortMatrix::relaxation(influence, gain)?,
+        };
         let mut node_faces = vec![0.0; positions.len()];
         faces.iter().flat_map(distinct).for_each(|&node| node_faces[node as usize] += 1.0);
         // Force of the air per acceleration of the faces along their normals, in each axis.
@@ -382,6 +392,27 @@ mod tests {
             // Each of 144 numbers of a row is off by a unit of 16 bits at most (`ShortMatrix`), and the residual is 15 times the motion.
             assert!(errors.iter().all(|e| *e < 3e-4), "{axes:?}: {errors:?}");
         }
+    }
+
+    /// The relaxation that comes with a lattice is the one that is computed alone, and serves no other gain.
+    #[test]
+    fn relaxation_of_a_lattice_is_that_of_its_gain() {
+        let (positions, faces) = plate(8);
+        let unknowns = Unknowns::new(positions.len(), 5e-3, FrameAxes::Vertical);
+        let heavy = MassProperties { fabric_kg_m2: 0.4, ..masses() };
+        let r: Vec<f64> = (0..unknowns.len()).map(|i| (0.37 * i as f64).sin()).collect();
+        let steps = [None, Some(masses().gain())].map(|gain| {
+            let lattice = VortexLattice::with_relaxation(&positions, &faces, usize::MAX, 0.0, gain).unwrap();
+            assert_eq!(lattice.relaxation.as_ref().map(|(gain, _)| *gain), gain);
+            [masses(), heavy].map(|masses| {
+                let model = AddedMassRelaxation::new(unknowns, &faces, &masses, &lattice).unwrap();
+                let mut step = vec![0.0; r.len()];
+                model.apply(&r, &mut step);
+                step
+            })
+        });
+        assert_eq!(steps[0], steps[1]);
+        assert_ne!(steps[0][0], steps[0][1]);
     }
 
     /// A closed volume: the step is what is left of that in the open less what the pressure of its own swept volume gives, nodes of the rim stay, and a stiff volume is kept.

@@ -120,6 +120,8 @@ pub struct AddedMassSurrogate {
     groups: PanelGroups,
     /// Inverse of the influence matrix.
     inverse: ShortMatrix,
+    /// Gain of the relaxation that lattices are asked for.
+    gain: Option<f64>,
     /// Newest first.
     kinematics: VecDeque<InterfaceKinematics>,
     /// Length of the last window, s; 0 before it.
@@ -164,6 +166,7 @@ impl AddedMassSurrogate {
             areas: lattice.areas.clone(),
             groups: lattice.groups.clone(),
             inverse: lattice.inverse.clone(),
+            gain: lattice.relaxation.as_ref().map(|(gain, _)| *gain),
             kinematics,
             dt: 0.0,
             secants: VecDeque::new(),
@@ -224,7 +227,8 @@ impl AddedMassSurrogate {
     fn reassemble(&mut self, displacement: Vec<f64>, dt: f64) -> Option<VortexLattice> {
         let _part = timing::part("added mass assembly");
         let at: Vec<mesh::Point> = self.positions(&displacement).into_iter().map(Into::into).collect();
-        let lattice = VortexLattice::new(&at, &self.faces, self.most, self.air.screening(dt))?;
+        let screening = self.air.screening(dt);
+        let lattice = VortexLattice::with_relaxation(&at, &self.faces, self.most, screening, self.gain)?;
         self.inverse.clone_from(&lattice.inverse);
         self.normals.clone_from(&lattice.normals);
         self.assembled_normals.clone_from(&lattice.normals);

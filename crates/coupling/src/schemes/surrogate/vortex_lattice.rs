@@ -38,6 +38,8 @@ pub struct VortexLattice {
     pub influence: DMatrix<f64>,
     /// Its inverse.
     pub(crate) inverse: ShortMatrix,
+    /// A gain and the relaxation with it, where one was asked for.
+    pub(crate) relaxation: Option<(f64, ShortMatrix)>,
 }
 
 /// Properties of the air.
@@ -68,6 +70,17 @@ impl VortexLattice {
     /// The ring of a group runs along its outline, and its velocity is the area-weighted mean over its faces.
     /// (Collocation at the centroid alone was less accurate for all motions, and much less for irregular groups.)
     pub fn new(positions: &[mesh::Point], faces: &[[u32; 4]], most: usize, screening: f64) -> Option<Self> {
+        Self::with_relaxation(positions, faces, most, screening, None)
+    }
+
+    /// As [`VortexLattice::new`], with the matrix of [`crate::schemes::AddedMassRelaxation`] for a `gain` (1/m): both inverses are computed at the same time.
+    pub fn with_relaxation(
+        positions: &[mesh::Point],
+        faces: &[[u32; 4]],
+        most: usize,
+        screening: f64,
+        gain: Option<f64>,
+    ) -> Option<Self> {
         let positions: Vec<Vec3> = positions.iter().map(|x| Vec3::from(*x)).collect();
         let corners: Vec<[Vec3; 4]> = faces.iter().map(|f| f.map(|node| positions[node as usize])).collect();
         let areas: Vec<Vec3> = corners.iter().map(|c| quad_area_vector(*c)).collect();
@@ -92,8 +105,16 @@ impl VortexLattice {
         }
         let influence = transposed.transpose();
         let influence = super::definite::definite(influence, &groups.areas(&areas));
-        let inverse = ShortMatrix::inverse(&influence)?;
-        Some(Self { positions, screening, areas, normals, groups, influence, inverse })
+        let (inverse, relaxation) = std::thread::scope(|scope| {
+            let inverse = gain.map(|_| scope.spawn(|| ShortMatrix::inverse(&influence)));
+            let relaxation = gain.and_then(|gain| Some((gain, ShortMatrix::relaxation(&influence, gain)?)));
+            let inverse = match inverse {
+                Some(thread) => thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+                None => ShortMatrix::inverse(&influence),
+            };
+            (inverse, relaxation)
+        });
+        Some(Self { positions, screening, areas, normals, groups, influence, inverse: inverse?, relaxation })
     }
 }
 
