@@ -182,7 +182,7 @@ fn compare() {
                     faults
                         .push(format!("{name}: {few} and {many} iterations, but the factor is of the whole"));
                 }
-                if name.starts_with("gmres_schwarz") && (*few > most || *many > 80) {
+                if name.starts_with("gmres_schwarz") && (*few > most || *many > 30) {
                     faults.push(format!("{name}: {few} and {many} iterations are too many"));
                 }
             }
