@@ -1,5 +1,5 @@
 //! The linear solves of Newton's method: GMRES on block rows, preconditioned by
-//! direct factors per subdomain that are kept while they serve, or by block Jacobi
+//! direct factors that are kept while they serve (of all ranks together or per subdomain), or by block Jacobi
 //! where that is enough.
 
 use std::time::Instant;

@@ -190,7 +190,7 @@ const ALLOCATOR: &str = "GLIBC_TUNABLES";
 /// Environment variables of a program under OpenMPI. Several programs share the cores, so
 /// ranks are not bound, yield when idle, and use one thread each. `scratch`: folder of
 /// MPI's temporary files, if all ranks run on this host.
-fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
+pub(super) fn environment(scratch: Option<&Path>) -> Vec<(&'static str, OsString)> {
     let mut set: Vec<(&'static str, OsString)> = vec![
         ("OMPI_MCA_rmaps_base_oversubscribe", "1".into()),
         ("OMPI_MCA_hwloc_base_binding_policy", "none".into()),

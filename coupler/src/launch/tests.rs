@@ -167,3 +167,11 @@ fn missing_program_gives_its_path_and_a_remedy() {
     let text = error.to_string();
     assert!(text.contains("/nowhere/flow") && text.contains("check the path"), "{text}");
 }
+
+#[test]
+fn programs_ask_for_large_pages_unless_the_user_set_the_allocator() {
+    let set = command::environment(None);
+    let asked = set.iter().find(|(name, _)| *name == "GLIBC_TUNABLES").map(|(_, value)| value.to_str());
+    let own = std::env::var_os("GLIBC_TUNABLES");
+    assert_eq!(asked, own.is_none().then_some(Some("glibc.malloc.hugetlb=1")));
+}
