@@ -31,7 +31,7 @@ struct Scaling {
 
 // "What advice on ranks uses" of docs/records/benchmarks.md.
 const EXPLICIT: Scaling = Scaling { efficiency: [0.93, 0.83, 0.73, 0.63], shortest_solve_s: 0.008 };
-const IMPLICIT: Scaling = Scaling { efficiency: [0.86, 0.71, 0.49, 0.49], shortest_solve_s: 0.018 };
+const IMPLICIT: Scaling = Scaling { efficiency: [0.82, 0.71, 0.49, 0.49], shortest_solve_s: 0.018 };
 const FITTED: Scaling = Scaling { efficiency: [0.72, 0.65, 0.65, 0.44], shortest_solve_s: 0.035 };
 const IMMERSED: Scaling = Scaling { efficiency: [0.62, 0.61, 0.41, 0.23], shortest_solve_s: 0.05 };
 const MOVER: Scaling = Scaling { efficiency: [0.79, 0.79, 0.66, 0.61], shortest_solve_s: 0.017 };
