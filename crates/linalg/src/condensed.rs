@@ -100,13 +100,13 @@ impl<const B: usize, T: Real> CondensedLu<B, T> {
         self.interface.refactor(&self.inner, comm).map_err(|e| self.here(comm.rank(), e))
     }
 
-    /// An error of the interface, which names one of its rows, as one of this rank.
+    /// An error of the interface, which names one of its rows, on this rank: its owner names it too.
     fn here(&self, rank: usize, error: FactorError) -> FactorError {
         let FactorError::Singular { row } = error else { return error };
-        let mine = self.interface.next_to[rank].iter().position(|&i| i as usize == row);
-        mine.map_or(FactorError::OtherRank, |k| FactorError::Singular {
-            row: self.rows[self.n_inner + k] as usize,
-        })
+        let place = self.interface.next_to[rank].iter().position(|&i| i as usize == row);
+        let local = place.map(|k| self.rows[self.n_inner + k] as usize);
+        let owned = local.filter(|&i| i < self.overlap.halo().n_owned());
+        owned.map_or(FactorError::OtherRank, |row| FactorError::Singular { row })
     }
 
     /// Bytes of the factors on this rank.

@@ -9,8 +9,8 @@ use std::process::{Command, ExitCode};
 
 use comm::Comm;
 use linalg::{
-    Amg, AmgParams, BlockCsr, BlockJacobi, Cg, CondensedLu, Gmres, KrylovInfo, KrylovParams, Operator,
-    Preconditioner, SchwarzLu,
+    Amg, AmgParams, BlockCsr, BlockJacobi, Cg, CondensedLu, FactorError, Gmres, KrylovInfo, KrylovParams,
+    Operator, Preconditioner, SchwarzLu,
 };
 
 const MARK: &str = "RIPSTOP_LINALG_RANKS";
@@ -91,6 +91,25 @@ fn condensed(comm: &Comm, params: KrylovParams) {
     let mut lu = CondensedLu::<3, f64>::plan(&p.a).expect("small interfaces");
     lu.refactor(&p.a).unwrap();
     gmres("gmres_condensed_whole", &p.a, &lu);
+    // A node without stiffness, inside a rank or between ranks: every rank has an error, and one at least names a row of its own.
+    let most = comm.max(*p.global.iter().max().unwrap() as f64) as u64;
+    for node in 0..=most {
+        let mut a = p.a.clone();
+        for i in 0..a.n_rows() {
+            for slot in a.row(i) {
+                if [i, a.cols()[slot] as usize].iter().any(|&k| p.global[k] == node) {
+                    a.values[slot] = [[0.0; 3]; 3];
+                }
+            }
+        }
+        let error = lu.refactor(&a).expect_err("a singular matrix");
+        let row = match error {
+            FactorError::Singular { row } => Some(row),
+            FactorError::OtherRank => None,
+        };
+        assert!(row.is_none_or(|row| row < a.n_rows()), "node {node}: {error}");
+        assert!(comm.sum(f64::from(u8::from(row.is_some()))) > 0.0, "node {node}: no rank names a row");
+    }
 }
 
 fn solved(comm: &Comm, name: &str, info: KrylovInfo, global: &[u64], x: &[f64]) {
